@@ -110,8 +110,8 @@ impl Finding {
         expected: impl Into<String>,
         help: impl Into<String>,
     ) -> Self {
-        let grade = if value + SIGMAS * error >= bound { Grade::Ok } else { beyond };
-        Self::graded(name, grade, found, expected, help).measured(value, error, bound)
+        Self::at_most(name, [-value, error, -bound], beyond, found, expected, help)
+            .measured(value, error, bound)
     }
 
     /// A share of the light with its standard error, judged like [`Self::at_most`]. The two sentences explain a share that passes and a

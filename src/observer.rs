@@ -21,6 +21,12 @@ pub trait Observer {
     /// Called with a message for the user.
     fn log(&self, _level: Level, _message: &str) {}
 
+    /// Called before each raw frame while a rig is set up. [`ControlFlow::Break`] ends the work with
+    /// [`Error::Interrupted`](crate::Error::Interrupted).
+    fn frame(&self) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
     /// Called after each photo. [`ControlFlow::Break`] ends the computation with [`Error::Interrupted`](crate::Error::Interrupted). The
     /// photo is not lost: it is in the journal, if there is one.
     fn photo(&self, _photo: &PhotoTaken<'_>) -> ControlFlow<()> {

@@ -31,6 +31,8 @@ pub enum Direction {
 }
 
 /// A linear operator `A` of `rows × cols`. A product is expensive (on a rig it is a photo) and can fail (a rig can be unplugged).
+///
+/// An operator implements either [`Operator::apply`] or [`Operator::apply_block`]. Each is the default of the other.
 pub trait Operator {
     /// The length of `y` in `y = A x`.
     fn rows(&self) -> usize;
@@ -38,11 +40,13 @@ pub trait Operator {
     fn cols(&self) -> usize;
     /// The symmetry, as far as it is known.
     fn symmetry(&self) -> Symmetry;
-    /// `y ← A x`; every entry of `y` is overwritten.
+    /// `y ← A x`; every entry of `y` is overwritten. The default is a block of one product.
     ///
     /// # Errors
     /// The error that stopped the product; `y` is then unspecified.
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()>;
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.apply_block(&[x], &mut [y])
+    }
 
     /// `y_k ← A x_k` for each of `xs`, in order. The results are bitwise equal to the results of single products, and each counts as one
     /// product. `xs` and `ys` have the same length. The default takes the products one by one.
@@ -101,10 +105,12 @@ pub trait Operator {
     }
 }
 
-/// An operator whose transpose can be applied too.
+/// An operator whose transpose can be applied too. It implements either of the first two methods, as for [`Operator`].
 pub trait Adjoint: Operator {
     /// `x ← Aᵀ y`; every entry of `x` is overwritten. Fails with the errors of [`Operator::apply`].
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()>;
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.apply_adjoint_block(&[y], &mut [x])
+    }
 
     /// `x_k ← Aᵀ y_k` for each of `ys`, in order. The rules of [`Operator::apply_block`] hold. Fails with the errors of
     /// [`Operator::apply_block`].
@@ -147,10 +153,6 @@ macro_rules! forward {
                 (**self).symmetry()
             }
 
-            fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-                (**self).apply(x, y)
-            }
-
             fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
                 (**self).apply_block(xs, ys)
             }
@@ -181,10 +183,6 @@ macro_rules! forward {
         }
 
         impl<O: Adjoint + ?Sized> Adjoint for $pointer {
-            fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-                (**self).apply_adjoint(y, x)
-            }
-
             fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
                 (**self).apply_adjoint_block(ys, xs)
             }
@@ -195,7 +193,7 @@ macro_rules! forward {
 forward!(&mut O, Box<O>);
 
 /// Forwards methods of [`Operator`] from a wrapper to the operator inside it. The `impl` names the field that holds the inner operator, and
-/// the methods. `apply` means both products of [`Operator`], `adjoint` both products of [`Adjoint`].
+/// the methods. `apply` means the products of [`Operator`], `adjoint` those of [`Adjoint`].
 macro_rules! delegate {
     ($field:tt: $($method:ident),+ $(,)?) => { $( $crate::operator::delegate!(@$method $field); )+ };
     (@rows $field:tt) => {
@@ -214,9 +212,6 @@ macro_rules! delegate {
         }
     };
     (@apply $field:tt) => {
-        fn apply(&mut self, x: &[f64], y: &mut [f64]) -> $crate::error::Result<()> {
-            self.$field.apply(x, y)
-        }
         fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> $crate::error::Result<()> {
             self.$field.apply_block(xs, ys)
         }
@@ -247,9 +242,6 @@ macro_rules! delegate {
         }
     };
     (@adjoint $field:tt) => {
-        fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> $crate::error::Result<()> {
-            self.$field.apply_adjoint(y, x)
-        }
         fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> $crate::error::Result<()> {
             self.$field.apply_adjoint_block(ys, xs)
         }

@@ -524,7 +524,11 @@ class Plan:
     trials: list[dict[str, Any]]
 
     def __init__(self, fields: dict[str, Any]) -> None:
-        self.__dict__.update(fields)
+        self.verb, self.ideal, self.trials = fields["verb"], fields["ideal"], fields["trials"]
+        self.figures = {name: np.asarray(values) for name, values in fields["values"]}
+        costs = [trial["cost"] for trial in self.trials]
+        for name, kind in (("photos", np.uint64), ("patterns", np.uint64), ("frames", np.uint64), ("seconds", float)):
+            setattr(self, name, np.asarray([cost[name] for cost in costs], kind))
 
     def __repr__(self) -> str:
         return (f"<Plan of {self.verb}: {self.photos.mean():.0f} photos, {self.frames.mean():.0f} frames, "

@@ -251,14 +251,10 @@ class Lab(Asking):
             raise _checks.refuse("verb", f"there is no plan of {verb!r}", 'give "segment", "compensate" or "eigs"')
         trials = _checks.count(trials, "trials")
         bound = inspect.signature(known[verb]).bind(*arguments, **options)
-        planned = {"segment": self._native.plan_segment, "eigs": self._native.plan_eigs}
-        if verb in planned:
-            return answers.Plan(planned[verb](_declared.asked(bound.arguments), trials))
-        given, pictures = _declared.pictures_apart(self, bound.arguments, ("target",))
+        given, pictures = _declared.pictures_apart(self, bound.arguments, ("target",) if verb == "compensate" else ())
         if any(picture.ndim == 3 for picture in pictures.values()):
             raise _checks.refuse("target", "it is coloured, and a plan is of gray light", "give an array of H×W")
-        found = self._native.plan_compensate(_declared.asked(given), pictures, trials)
-        return answers.Plan(found)
+        return answers.Plan(self._native.plan(verb, _declared.asked(given), pictures, trials))
 
     def through_rig(self, rig: _checks.FilePath, *, folder: _checks.FilePath | None = None, resume: bool = False,
                     overwrite: bool = False) -> Self:
@@ -318,7 +314,8 @@ class Lab(Asking):
         """
         from .rig import Report
 
-        found = self._native.calibrate(_checks.count(takes, "takes"), map, bool(flat_field))
+        asked = _declared.asked({"takes": _checks.count(takes, "takes"), "map": map})
+        found = self._native.calibrate(asked, bool(flat_field))
         self._is_calibrated = True
         return Report(found)
 

@@ -36,6 +36,7 @@ from __future__ import annotations
 import builtins
 import json
 import os
+import pathlib
 import time
 import types
 from collections.abc import Generator, Mapping, Sequence
@@ -44,7 +45,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _checks, _krylux, lab
+from . import _checks, _declared, _krylux, lab
 
 
 class _Projector(Protocol):
@@ -225,6 +226,17 @@ def _rig(source, options):
     return lab.request(source, options)
 
 
+def _ask(verb: str, request: Any, asked: dict[str, Any]) -> builtins.list[Report]:
+    """The reports of a question to the devices of a rig."""
+    reports = _krylux.ask_rig(verb, request, _declared.asked(asked))
+    for found in reports:
+        if "folder" in found:
+            found["folder"] = pathlib.Path(found["folder"])
+        if "disparity" in found:
+            found["disparity"] = tuple(found["disparity"][name] for name in ("median", "upper", "error"))
+    return [Report(found) for found in reports]
+
+
 def calibrate(source: _Source, folder: _checks.FilePath | None = None, *, takes: int = 2, map: _Map | None = None,
               overwrite: bool = False, resume: bool = False, **options: Any) -> Report:
     """Measures a rig's devices from captures alone: responses, noise, pixel map, latency, drift.
@@ -242,8 +254,9 @@ def calibrate(source: _Source, folder: _checks.FilePath | None = None, *, takes:
     """
     if folder is None and isinstance(source, ProgramRig):
         raise _checks.refuse("folder", "devices of Python have no rig file beside which it could be", "name a folder")
-    run = (folder, bool(overwrite), bool(resume))
-    return Report(_krylux.calibrate(_rig(source, options), _checks.count(takes, "takes"), map, run))
+    asked = {"takes": _checks.count(takes, "takes"), "map": map, "folder": folder, "overwrite": bool(overwrite),
+             "resume": bool(resume)}
+    return _ask("calibrate", _rig(source, options), asked)[0]
 
 
 def flat_field(source: _checks.FilePath, **options: Any) -> Report:
@@ -259,8 +272,7 @@ def flat_field(source: _checks.FilePath, **options: Any) -> Report:
     Returns: ``folder`` of the calibration; ``projector`` and ``camera``, their brightness at each of the projector's
         pixels, row by row.
     """
-    found = _krylux.flat_field(_rig(source, options))
-    return Report({**found, "projector": np.asarray(found["projector"]), "camera": np.asarray(found["camera"])})
+    return _ask("flat_field", _rig(source, options), {})[0]
 
 
 def check(source: _Source, folder: _checks.FilePath = "out", **options: Any) -> Report:
@@ -273,7 +285,7 @@ def check(source: _Source, folder: _checks.FilePath = "out", **options: Any) -> 
 
     Returns: ``findings``, ``passed``, ``complete`` and ``status``.
     """
-    return Report(_krylux.check(_rig(source, options), folder))
+    return _ask("check", _rig(source, options), {"folder": folder})[0]
 
 
 def align(source: _Source, *, rounds: int = 1, patterns: int = 6, asymmetry: float = 0.1, exposure: float | None = None,
@@ -290,9 +302,12 @@ def align(source: _Source, *, rounds: int = 1, patterns: int = 6, asymmetry: flo
 
     Returns: One for each round.
     """
-    exposure = _checks.maybe(_checks.finite, exposure, "exposure", 0.0)
-    question = (_checks.count(patterns, "patterns", 0), _checks.finite(asymmetry, "asymmetry", 0.0), exposure)
-    return [Report(round_) for round_ in _krylux.align_rounds(_rig(source, options), _checks.count(rounds, "rounds"), question)]
+    return _ask("align", _rig(source, options), {
+        "rounds": _checks.count(rounds, "rounds"),
+        "patterns": _checks.count(patterns, "patterns", 0),
+        "asymmetry": _checks.finite(asymmetry, "asymmetry", 0.0),
+        "exposure": _checks.maybe(_checks.finite, exposure, "exposure", 0.0),
+    })
 
 
 def preview(source: _Source, pattern: ArrayLike | None = None, *, frames: int | None = None,
@@ -362,4 +377,4 @@ def list(source: _checks.FilePath | None = None, *, display: str | None = None) 
     """
     if source is not None and not os.fspath(source).lower().endswith(".toml"):
         raise _checks.refuse("source", f"{source} is no rig file", "give a rig file (.toml), or nothing")
-    return Report(_krylux.attached(source, display))
+    return _ask("list", None, {"file": source, "display": display})[0]

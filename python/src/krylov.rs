@@ -70,10 +70,6 @@ impl Operator for Called {
         if self.is_symmetric { Symmetry::Symmetric } else { Symmetry::General }
     }
 
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.multiply(&[x], &mut [y], false)
-    }
-
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.multiply(xs, ys, false)
     }
@@ -88,10 +84,6 @@ impl Operator for Called {
 }
 
 impl Adjoint for Called {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.multiply(&[y], &mut [x], !self.is_symmetric)
-    }
-
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         self.multiply(ys, xs, !self.is_symmetric)
     }

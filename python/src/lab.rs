@@ -1,11 +1,13 @@
 //! An open laboratory: its photos, its matrix, its operators, and the folder of its run.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use krylux::lab::{Lab as Laboratory, RunOptions, SourceKind};
 use krylux::measure::RigFile;
 use krylux::transport::Part;
+use krylux::verbs::rig::{Calibrate, measured_figures};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -15,6 +17,7 @@ use crate::arrays::{self, Fields, record, shaped};
 use crate::matrix::Matrix;
 use crate::operator::Operator;
 use crate::settings::{Request, one_of};
+use crate::verbs::asked::{attributes_of, request};
 use crate::work::Held;
 use crate::{errors, work};
 
@@ -78,11 +81,10 @@ impl Lab {
     fn calibrate<'py>(
         &self,
         py: Python<'py>,
-        takes: u32,
-        map: Option<String>,
+        asked: BTreeMap<String, String>,
         flat_field: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let options = crate::bench::calibrate_options(py, takes, map)?;
+        let options = request::<Calibrate>(py, asked)?.options();
         let report = self.with(py, |lab| {
             let report = lab.calibrate(&options)?;
             if flat_field {
@@ -90,9 +92,7 @@ impl Lab {
             }
             Ok(report)
         })?;
-        let fields = Fields::new(py);
-        crate::bench::report_fields(&fields, &report)?;
-        Ok(fields.0)
+        attributes_of(py, &measured_figures(&report))
     }
 
     /// What is known without a photo: kind, name, the shapes of photos and of patterns, channels, unit, seed, and the photos of a run.

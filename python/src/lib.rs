@@ -11,7 +11,7 @@
 //! | `matrix`, `operator`, `arrays` | matrices, products and pictures as arrays |
 //! | `krylov` | krylux's solvers on operators of Python |
 //! | `figures` | pictures from files and their comparison, and the paper's figures |
-//! | `devices`, `bench`, `preview` | cameras and projectors of Python, and the devices of a rig |
+//! | `devices`, `bench` | cameras and projectors of Python, and the devices of a rig |
 
 mod answers;
 mod arrays;
@@ -23,7 +23,6 @@ mod krylov;
 mod lab;
 mod matrix;
 mod operator;
-mod preview;
 mod settings;
 mod verbs;
 mod watch;
@@ -37,7 +36,7 @@ mod _krylux {
     #[pymodule_export]
     use crate::answers::Answer;
     #[pymodule_export]
-    use crate::bench::{align_rounds, calibrate, check, flat_field};
+    use crate::bench::{Preview, ask_rig};
     #[pymodule_export]
     use crate::figures::{Figures, compare, read_picture, reproduce};
     #[pymodule_export]
@@ -48,8 +47,6 @@ mod _krylux {
     use crate::matrix::Matrix;
     #[pymodule_export]
     use crate::operator::Operator;
-    #[pymodule_export]
-    use crate::preview::{Preview, attached};
     #[pymodule_export]
     use crate::verbs::verbs;
 

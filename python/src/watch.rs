@@ -59,7 +59,11 @@ impl Observer for Watcher {
         let _ = Self::ask(|py| self.log.call1(py, (level, message)).map(|_| ()));
     }
 
-    fn photo(&self, _photo: &PhotoTaken<'_>) -> ControlFlow<()> {
+    fn frame(&self) -> ControlFlow<()> {
         Self::ask(|py| py.check_signals())
+    }
+
+    fn photo(&self, _photo: &PhotoTaken<'_>) -> ControlFlow<()> {
+        self.frame()
     }
 }

@@ -71,12 +71,6 @@ impl Operator for WithoutDirect<'_> {
         self.direct.len()
     }
 
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.operator.apply(x, y)?;
-        self.subtract(x, y);
-        Ok(())
-    }
-
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.operator.apply_block(xs, ys)?;
         xs.iter().zip(ys).for_each(|(x, y)| self.subtract(x, y));

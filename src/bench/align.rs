@@ -25,6 +25,7 @@ use crate::calibrate::{Decoded, Fit, StructuredLight};
 use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade};
 use crate::image::{Resolution, percentile};
+use crate::io::raster::{Raster, encode_srgb, percentile as nearest_rank};
 use crate::measure::footprint::by_overlap;
 use crate::measure::{LensMap, Plane, Registration};
 
@@ -44,6 +45,21 @@ impl Default for AlignOptions {
         Self { patterns: 6, asymmetry: 0.1, share: 0.01 }
     }
 }
+
+/// Colour of shadows: pixels that see the scene but receive no direct light from the projector.
+pub const SHADOW: [u8; 3] = [0xe0, 0x20, 0x18];
+
+/// Colour of pixels that see nothing.
+pub const DARK: [u8; 3] = [0x48, 0x20, 0x60];
+
+/// Colour of the arrows; it differs clearly from grays and from the two colours above.
+pub const ARROW: [u8; 3] = [0x00, 0x70, 0xff];
+
+/// The picture is enlarged by the largest integer factor that keeps its longer side within this many pixels, so that arrows are visible.
+const LARGE: usize = 640;
+
+/// The length in cells of an arrow for the 95th percentile of the cells' displacements.
+const LENGTH: f64 = 1.5;
 
 /// The result of an alignment round.
 #[derive(Clone, Debug)]
@@ -117,6 +133,55 @@ impl Alignment {
     /// Whether no finding contradicts a common centre of projection.
     pub fn is_aligned(&self, options: &AlignOptions) -> bool {
         self.findings(options).iter().all(|found| found.grade == Grade::Ok)
+    }
+
+    /// Draws the photo in gray, shadows in red, dark pixels in violet, and an arrow along the displacement of each cell that is displaced by
+    /// more than [`Self::least`]. One factor scales all arrows.
+    pub fn picture(&self) -> Raster {
+        let lit: Vec<f64> = self.white.iter().copied().filter(|&light| light > 0.0).collect();
+        let bright = nearest_rank(lit, 0.98).unwrap_or(1.0);
+        let pixels = self.sights.iter().zip(&self.white).map(|(sight, light)| match sight {
+            Sight::Shadow => SHADOW,
+            Sight::Dark => DARK,
+            Sight::Lit | Sight::Outside => [encode_srgb((light / bright).clamp(0.0, 1.0) as f32); 3],
+        });
+        let factor = (LARGE / self.camera.width.max(self.camera.height)).max(1);
+        let photo = Raster::from_pixels(self.camera, pixels).enlarged(factor);
+        let (size, mut pixels) = (photo.resolution(), photo.bytes().as_chunks::<3>().0.to_vec());
+        let (disparity, least) = (&self.disparity, self.least());
+        let longest = disparity.upper.max(least).max(f64::MIN_POSITIVE);
+        let unit = LENGTH * (disparity.side * factor) as f64 / longest;
+        for cell in disparity.cells.iter().filter(|cell| cell.off[0].hypot(cell.off[1]) > least) {
+            let ([x, y], [right, down]) =
+                (cell.at.map(|at| at * factor as f64), cell.off.map(|off| off * unit));
+            let tip = [x + right, y + down];
+            draw_line(&mut pixels, size, [x, y], tip);
+            for side in [-1.0, 1.0] {
+                // The head reaches back by 0.3 of the arrow's length, and sideways by half of that.
+                let head =
+                    [tip[0] - 0.3 * (right - side * 0.5 * down), tip[1] - 0.3 * (down + side * 0.5 * right)];
+                draw_line(&mut pixels, size, tip, head);
+            }
+        }
+        Raster::from_pixels(size, pixels)
+    }
+}
+
+/// Draws a line that is two pixels wide. Parts outside the picture are not drawn.
+fn draw_line(pixels: &mut [[u8; 3]], size: Resolution, from: [f64; 2], to: [f64; 2]) {
+    let steps = (to[0] - from[0]).abs().max((to[1] - from[1]).abs()).ceil().clamp(1.0, 1e4);
+    for step in 0..=steps as usize {
+        let share = step as f64 / steps;
+        let [x, y] = [0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis]));
+        if x < 0.0 || y < 0.0 {
+            continue;
+        }
+        for (right, down) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let [x, y] = [x as usize + right, y as usize + down];
+            if x < size.width && y < size.height {
+                pixels[y * size.width + x] = ARROW;
+            }
+        }
     }
 }
 

@@ -5,11 +5,19 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
+use crate::calibrate::{StructuredLight, WhiteExposure};
 use crate::error::Result;
 use crate::finding::decimal;
 use crate::image::Image;
+use crate::io::raster::{Raster, encode_srgb};
 use crate::measure::{CameraResponse, CaptureRequest, FrameSource};
 use crate::rig::{Frame, ProjectorInfo, RawFrame};
+
+/// Colour of pixels with a saturated sample.
+pub const SATURATED: [u8; 3] = [0xff, 0x20, 0x10];
+
+/// Colour of pixels whose samples are all 0.
+pub const CRUSHED: [u8; 3] = [0x20, 0x50, 0xff];
 
 /// The meaning of a camera's counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +47,26 @@ impl CountRange {
         let black = f64::from(*counts.select_nth_unstable(middle).1);
         Ok(Self { black, limit: full, full })
     }
+
+    /// Paints a frame in sRGB, from the count without light to the largest count. Pixels with a saturated sample are [`SATURATED`], and
+    /// pixels whose counts are all 0 are [`CRUSHED`].
+    pub fn paint(&self, frame: &RawFrame) -> Raster {
+        let range = (self.full - self.black).max(1.0);
+        let pixels = frame.counts.chunks_exact(frame.channels).map(|pixel| {
+            if pixel.iter().any(|&count| f64::from(count) >= self.limit) {
+                return SATURATED;
+            }
+            if pixel.iter().all(|&count| count == 0) {
+                return CRUSHED;
+            }
+            let level = |channel: usize| {
+                let count = pixel[channel.min(pixel.len() - 1)];
+                encode_srgb(((f64::from(count) - self.black) / range).clamp(0.0, 1.0) as f32)
+            };
+            [level(0), level(1), level(2)]
+        });
+        Raster::from_pixels(frame.resolution, pixels)
+    }
 }
 
 /// The frame that shows an image as levels: 0 becomes level 0, and 1 the brightest level. Values outside this range are clamped, and the
@@ -57,8 +85,9 @@ pub fn level_frame(image: &Image, projector: &ProjectorInfo) -> Result<Frame> {
     Frame::new(size, channels, (0..size.pixels() * channels).map(level).collect())
 }
 
-/// A running preview. Every call must be given the same source of frames.
-pub struct Preview {
+/// A running preview.
+pub struct LivePreview {
+    frames: Box<dyn FrameSource>,
     frame: Arc<Frame>,
     exposure: f64,
     range: CountRange,
@@ -66,38 +95,64 @@ pub struct Preview {
     began: f64,
     taken: u64,
     last: Option<RawFrame>,
-    best_focus: Option<f64>,
+    figures: Option<FrameFigures>,
 }
 
-impl Preview {
-    /// Starts a preview of `frame` with this exposure in seconds.
-    pub fn new(frames: &dyn FrameSource, frame: Arc<Frame>, exposure: f64, range: CountRange) -> Self {
+impl LivePreview {
+    /// Starts a preview of a pattern, which is shown as levels, with this exposure in seconds. Without one, the exposure is the one at which
+    /// white fills the camera's range, and the outcome says whether there is such an exposure. The calibration of the camera tells the
+    /// meaning of its counts if it is `known`. Fails as [`level_frame`] and if the rig fails.
+    pub fn new(
+        mut frames: Box<dyn FrameSource>,
+        known: Option<&CameraResponse>,
+        pattern: &Image,
+        exposure: Option<f64>,
+    ) -> Result<(Self, WhiteExposure)> {
+        let frame = Arc::new(level_frame(pattern, frames.projector())?);
+        let (exposure, outcome) = match exposure {
+            Some(exposure) => (exposure, WhiteExposure::Filled),
+            None => StructuredLight::white_exposure(frames.as_mut())?,
+        };
+        let range = CountRange::measure(known, frames.as_mut())?;
         let began = frames.effort().seconds;
-        Self { frame, exposure, range, began, taken: 0, last: None, best_focus: None }
+        let preview = Self { frames, frame, exposure, range, began, taken: 0, last: None, figures: None };
+        Ok((preview, outcome))
     }
 
     /// Takes the next frame.
-    pub fn capture(&mut self, frames: &mut dyn FrameSource) -> Result<FrameFigures> {
+    pub fn capture(&mut self) -> Result<FrameFigures> {
         let request = CaptureRequest {
             frame: Arc::clone(&self.frame),
             exposure: self.exposure,
             take: self.taken as u32,
         };
-        let raw = frames.capture(&request)?;
+        let raw = self.frames.capture(&request)?;
         self.taken += 1;
         let last = self.last.as_ref();
         let score = last.and_then(|last| focus(last, &raw, self.range.black, self.range.limit));
-        self.best_focus = self.best_focus.into_iter().chain(score).reduce(f64::max);
-        let seconds = frames.effort().seconds - self.began;
+        let best = self.figures.as_ref().and_then(|figures| figures.best_focus);
+        let best = best.into_iter().chain(score).reduce(f64::max);
+        let seconds = self.frames.effort().seconds - self.began;
         let per_second = self.taken as f64 / seconds.max(f64::MIN_POSITIVE);
-        let figures = FrameFigures::of(&raw, &self.range, (self.taken, per_second), [score, self.best_focus]);
+        let figures = FrameFigures::of(&raw, &self.range, (self.taken, per_second), [score, best]);
         self.last = Some(raw);
+        self.figures = Some(figures.clone());
         Ok(figures)
+    }
+
+    /// The exposure of the frames, in seconds.
+    pub fn exposure(&self) -> f64 {
+        self.exposure
     }
 
     /// The number of frames taken.
     pub fn taken(&self) -> u64 {
         self.taken
+    }
+
+    /// The figures of the frame that was taken last.
+    pub fn figures(&self) -> Option<&FrameFigures> {
+        self.figures.as_ref()
     }
 
     /// The frame that was taken last.
@@ -385,5 +440,18 @@ mod tests {
         let whole = score(&squares(0.0, 10_000.0), 0.0, 0);
         assert!((found / whole - 1.0).abs() < 0.1, "{found} {whole}");
         assert_eq!(focus(&frame, &frame, 65_535.0, 70_000.0), None);
+    }
+
+    #[test]
+    fn both_ends_of_the_range_are_coloured_and_what_is_between_is_gray() {
+        let counts = vec![0, 100, 2000, 4095];
+        let resolution = Resolution::new(4, 1);
+        let frame = RawFrame { resolution, channels: 1, counts, exposure: 0.1, id: 1, started: 0.0 };
+        let picture = CountRange { black: 100.0, limit: 4090.0, full: 4095.0 }.paint(&frame);
+        assert_eq!((picture.pixel(0, 0), picture.pixel(3, 0)), (CRUSHED, SATURATED));
+        assert_eq!(picture.pixel(1, 0), [0; 3]);
+        let [red, green, blue] = picture.pixel(2, 0);
+        // The sRGB code of the linear value 0.4756 is expected.
+        assert!(red == green && green == blue && (180..185).contains(&red), "{red}");
     }
 }

@@ -85,12 +85,12 @@ pub struct MapFigures {
 }
 
 /// The source of a pixel map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MapBy {
-    /// Gray codes, pixel by pixel.
+    /// Gray codes with their inverses.
     GrayCode,
-    /// The corners of a checkerboard, which coarse Gray codes locate first.
+    /// The corners of a checkerboard.
     Checkerboard,
 }
 

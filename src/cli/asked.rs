@@ -14,16 +14,16 @@ use crate::error::Result;
 use crate::lab::{Answer, Lab, Verb};
 use crate::paint::page::Kept;
 
-/// The command line of a verb.
-pub(super) struct Asked<V> {
-    before: Before,
-    request: V,
-    after: After,
+/// The command line of a verb: its request between the options that it shares with others.
+pub(super) struct Asked<V, B = Before, A = After> {
+    pub(super) before: B,
+    pub(super) request: V,
+    pub(super) after: A,
 }
 
 /// The options before those of the request.
 #[derive(clap::Args)]
-struct Before {
+pub(super) struct Before {
     #[command(flatten)]
     source: SourceArgs,
     #[command(flatten)]
@@ -34,7 +34,7 @@ struct Before {
 
 /// The options after those of the request.
 #[derive(clap::Args)]
-struct After {
+pub(super) struct After {
     #[command(flatten)]
     check: CheckArgs,
     #[command(flatten)]
@@ -43,12 +43,12 @@ struct After {
     live: LiveArgs,
 }
 
-impl<V: clap::Args> FromArgMatches for Asked<V> {
+impl<V: clap::Args, B: clap::Args, A: clap::Args> FromArgMatches for Asked<V, B, A> {
     fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
         Ok(Self {
-            before: Before::from_arg_matches(matches)?,
+            before: B::from_arg_matches(matches)?,
             request: V::from_arg_matches(matches)?,
-            after: After::from_arg_matches(matches)?,
+            after: A::from_arg_matches(matches)?,
         })
     }
 
@@ -58,11 +58,11 @@ impl<V: clap::Args> FromArgMatches for Asked<V> {
     }
 }
 
-impl<V: clap::Args> clap::Args for Asked<V> {
+impl<V: clap::Args, B: clap::Args, A: clap::Args> clap::Args for Asked<V, B, A> {
     fn augment_args(command: Command) -> Command {
         let verb = V::augment_args(Command::new(""));
         // Groups of options bring their own comments. Those of the request are the verb's.
-        let command = After::augment_args(V::augment_args(Before::augment_args(command)));
+        let command = A::augment_args(V::augment_args(B::augment_args(command)));
         let text = |text: Option<&StyledStr>| Resettable::from(text.cloned());
         command
             .about(text(verb.get_about()))

@@ -176,6 +176,10 @@ impl Observer for Console {
         }
     }
 
+    fn frame(&self) -> ControlFlow<()> {
+        self.check()
+    }
+
     fn photo(&self, photo: &PhotoTaken<'_>) -> ControlFlow<()> {
         self.progress().photo(photo);
         self.check()

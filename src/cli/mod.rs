@@ -18,7 +18,6 @@ mod options;
 mod paint;
 mod photo;
 mod plan;
-mod plan_ranks;
 mod probe;
 mod progress;
 mod reproduce;
@@ -37,7 +36,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::error::Error;
 use crate::finding::{Finding, Grade, worst};
 use crate::machine;
-use crate::verbs::{Compensate, Eigs, Relight, Segment, Separate, pattern};
+use crate::verbs::{Compensate, Eigs, Plan, Relight, Segment, Separate, pattern};
 use console::Console;
 use options::GlobalArgs;
 
@@ -64,7 +63,7 @@ enum Verb {
     Probe(probe::Args),
     Eigs(asked::Asked<Eigs>),
     Audit(audit::Args),
-    Plan(plan::Args),
+    Plan(asked::Asked<Plan, opening::Traced, ()>),
     Rig(rig::Args),
     Solve(solve::Args),
     Matrix(matrix::Args),
@@ -81,7 +80,7 @@ enum Verb {
     Projector(team::Projector),
     #[cfg(any(feature = "gige", feature = "usb3"))]
     #[command(hide = true)]
-    DescribeCamera(rig::describe::Args),
+    DescribeCamera(rig::DescribeCamera),
 }
 
 /// The command line as clap describes it: what the guide's reference is made from.
@@ -144,7 +143,7 @@ pub fn main() -> ExitCode {
         Verb::Runs(args) => runs::run(args, &console),
         Verb::Projector(_) => team::serve_projector(),
         #[cfg(any(feature = "gige", feature = "usb3"))]
-        Verb::DescribeCamera(args) => rig::describe::run(args, &console),
+        Verb::DescribeCamera(args) => args.run(&console),
     };
     if let Some(team) = team {
         // Values that are never dropped may still refer to the team, and MPI reports a process that does not close it as failed.

@@ -18,6 +18,7 @@ use crate::lab::{
 };
 use crate::paint::Canvas;
 use crate::paint::page::Kept;
+use crate::report::content::Content;
 use crate::transport::Channels;
 
 /// The options that open a source.
@@ -214,4 +215,30 @@ pub(super) fn channel_suffixes(channels: Channels) -> &'static [&'static str] {
         Channels::Luma => &[""],
         Channels::Rgb => &[".r", ".g", ".b"],
     }
+}
+
+/// A source, and how a scene is traced.
+#[derive(clap::Args)]
+pub(super) struct Traced {
+    #[command(flatten)]
+    pub(super) source: SourceArgs,
+    #[command(flatten)]
+    pub(super) trace: TraceArgs,
+}
+
+impl Traced {
+    /// How the source is opened.
+    pub(super) fn opening(&self) -> Opening<'_> {
+        Opening::new(&self.source, &self.trace)
+    }
+}
+
+/// Says what an answer without a folder contains, and prints the summary.
+pub(super) fn tell(verb: &str, content: &Content<'_>, is_good: bool, console: &Console) -> Result<Outcome> {
+    content.lines.iter().try_for_each(|line| console.say(line))?;
+    content.notes.iter().for_each(|note| console.note(note));
+    let mut summary = json!({ "verb": verb });
+    merge(&mut summary, json!(content));
+    console.summary(&summary)?;
+    Ok(if is_good { Outcome::Done } else { Outcome::NotGoodEnough })
 }

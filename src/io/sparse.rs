@@ -19,15 +19,19 @@ use crate::sparse::Csr;
 /// # Errors
 /// [`Error::Data`] for another extension; [`Error::Write`].
 pub fn write(path: &Path, matrix: &Csr) -> Result<()> {
-    match kind(path)? {
-        Kind::Npz => write_npz(path, matrix),
-        Kind::Mtx => write_mtx(path, matrix),
+    match extension(path).as_str() {
+        "npz" => write_npz(path, matrix),
+        "mtx" => write_mtx(path, matrix),
+        _ => Err(unknown(path)),
     }
 }
 
 /// Checks that [`write()`] could write `path`: its extension is known, and its folder exists and is writable.
 pub fn check_writable(path: &Path) -> Result<()> {
-    kind(path).and_then(|_| atomic::check_writable(path))
+    match extension(path).as_str() {
+        "npz" | "mtx" => atomic::check_writable(path),
+        _ => Err(unknown(path)),
+    }
 }
 
 /// Reads a matrix in the format that the extension selects: `.npz` ([`read_npz`]), `.mtx` ([`read_mtx`]), or `.npy` with a dense
@@ -36,13 +40,22 @@ pub fn check_writable(path: &Path) -> Result<()> {
 /// # Errors
 /// [`Error::Read`]; [`Error::Data`] for another extension or a malformed file.
 pub fn read(path: &Path) -> Result<Csr> {
-    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy")) {
-        return from_dense(path);
+    match extension(path).as_str() {
+        "npy" => from_dense(path),
+        "npz" => read_npz(path),
+        "mtx" => read_mtx(path),
+        _ => Err(unknown(path)),
     }
-    match kind(path)? {
-        Kind::Npz => read_npz(path),
-        Kind::Mtx => read_mtx(path),
-    }
+}
+
+/// The extension of a file's name in lower case.
+fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
+}
+
+fn unknown(path: &Path) -> Error {
+    Error::data(path, "its extension is not that of a sparse matrix format")
+        .help("name it .npz (SciPy) or .mtx (Matrix Market)")
 }
 
 fn from_dense(path: &Path) -> Result<Csr> {
@@ -103,20 +116,6 @@ fn from_entries(path: &Path, rows: usize, cols: usize, mut entries: Vec<(usize, 
 fn unusable(path: &Path, fault: String) -> Error {
     Error::data(path, fault)
         .help("write it with scipy.sparse.save_npz(FILE, A.tocsr()), scipy.io.mmwrite or numpy.save")
-}
-
-enum Kind {
-    Npz,
-    Mtx,
-}
-
-fn kind(path: &Path) -> Result<Kind> {
-    match path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase()).as_deref() {
-        Some("npz") => Ok(Kind::Npz),
-        Some("mtx") => Ok(Kind::Mtx),
-        _ => Err(Error::data(path, "its extension is not that of a sparse matrix format")
-            .help("name it .npz (SciPy) or .mtx (Matrix Market)")),
-    }
 }
 
 /// Writes a file that `scipy.sparse.load_npz` reads as a `csr_matrix`. Its type is `float32` if that represents every value

@@ -6,8 +6,7 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use super::record::{Entry, Kind, MAX_METADATA_BYTES, encode};
-use super::scan::{Damage, Torn, read_at, record_name};
+use super::format::{Damage, Entry, Kind, MAX_METADATA_BYTES, Scan, Torn, encode, read_at, record_name};
 use super::{Identity, Key};
 use crate::error::{Error, Result};
 
@@ -22,10 +21,9 @@ pub struct Journal {
     pub(super) lock: Option<File>,
     pub(super) identity: Identity,
     pub(super) identity_hash: [u8; 32],
-    pub(super) entries: Vec<Entry>,
+    /// The records and the damage of the file.
+    pub(super) content: Scan,
     pub(super) index: HashMap<Key, usize>,
-    pub(super) damages: Vec<Damage>,
-    pub(super) torn: Option<Torn>,
     /// The offset of the next record.
     pub(super) end: u64,
     /// Whether an error left the end of the file in an unknown state. If so, nothing more is written.
@@ -76,12 +74,12 @@ impl Journal {
     /// All records with a valid head, in the order in which they were written. They include records with a
     /// damaged payload, for which [`Journal::holds`] is false.
     pub fn entries(&self) -> &[Entry] {
-        &self.entries
+        &self.content.entries
     }
 
     /// The number of photos.
     pub fn photos(&self) -> usize {
-        self.index.values().filter(|&&index| self.entries[index].kind == Kind::Photo).count()
+        self.index.values().filter(|&&index| self.content.entries[index].kind == Kind::Photo).count()
     }
 
     /// Whether there is a record with this key that is not known to be damaged.
@@ -91,13 +89,13 @@ impl Journal {
 
     /// The damage known so far. Opening finds damaged heads, and reading finds damaged payloads.
     pub fn damages(&self) -> &[Damage] {
-        &self.damages
+        &self.content.damages
     }
 
     /// The incomplete record at the end of the file, if there was one when the journal was opened. It was cut
     /// off, or ignored if the journal is open for reading only.
     pub fn torn(&self) -> Option<&Torn> {
-        self.torn.as_ref()
+        self.content.torn.as_ref()
     }
 
     /// Whether the journal is open for appending.
@@ -109,7 +107,7 @@ impl Journal {
     /// [`Journal::damages`]. A file that cannot be read at all gives [`Error::Read`].
     pub fn get(&mut self, key: Key) -> Result<Option<Stored>> {
         let Some(&index) = self.index.get(&key) else { return Ok(None) };
-        let entry = &self.entries[index];
+        let entry = &self.content.entries[index];
         let length = usize::try_from(entry.length).map_err(|_| {
             Error::journal(
                 &self.path,
@@ -123,10 +121,10 @@ impl Journal {
             return Ok(Some(Stored { metadata: entry.metadata.clone(), payload }));
         }
         let entry = entry.clone();
-        self.damages.push(Damage {
+        self.content.damages.push(Damage {
             offset: entry.offset,
             bytes: entry.end() - entry.offset,
-            record: record_name(&self.entries[..index], entry.kind),
+            record: record_name(&self.content.entries[..index], entry.kind),
             fault: "its content does not match its checksum",
             entry: Some(entry),
         });
@@ -140,7 +138,7 @@ impl Journal {
         for key in keys {
             self.get(key)?;
         }
-        self.damages.sort_by_key(|damage| damage.offset);
+        self.content.damages.sort_by_key(|damage| damage.offset);
         Ok(())
     }
 
@@ -189,12 +187,12 @@ impl Journal {
     fn sync(&mut self) -> Result<()> {
         // `sync_data` includes the file's length. It may leave out the file's times, which are not needed.
         let Err(source) = self.file.sync_data() else {
-            self.synced = Synced::now(self.entries.len());
+            self.synced = Synced::now(self.content.entries.len());
             return Ok(());
         };
         // It is unknown which of these records are on disk. All are removed, and this process writes no more.
         self.broken = true;
-        for entry in self.entries.split_off(self.synced.entries).iter().rev() {
+        for entry in self.content.entries.split_off(self.synced.entries).iter().rev() {
             self.index.remove(&entry.key);
             self.end = entry.offset;
         }
@@ -246,8 +244,8 @@ impl Journal {
             return Err(self.unwritable(&source));
         }
         self.end = entry.end();
-        self.index.insert(key, self.entries.len());
-        self.entries.push(entry);
+        self.index.insert(key, self.content.entries.len());
+        self.content.entries.push(entry);
         Ok(())
     }
 
@@ -266,7 +264,7 @@ impl Journal {
 
 impl Drop for Journal {
     fn drop(&mut self) {
-        if self.synced.entries < self.entries.len() {
+        if self.synced.entries < self.content.entries.len() {
             // There is no caller to report an error to. A record that did not reach the disk fails its
             // checksum later, and the photo is taken again.
             let _ = self.sync();

@@ -31,17 +31,15 @@
 //! | there is a second writer | an error that names the process of the first |
 
 mod file;
+mod format;
 mod open;
-mod record;
-mod scan;
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
 pub use file::{Journal, Stored};
-pub use record::{Entry, Kind};
-pub use scan::{Damage, Torn};
+pub use format::{Damage, Entry, Kind, Torn};
 
 /// The key of a record: the BLAKE3 hash of everything that the photo, pattern or note depends on.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]

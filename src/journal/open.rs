@@ -5,9 +5,9 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use super::Identity;
 use super::file::{Journal, Synced};
-use super::scan::{Damage, scan};
-use super::{Identity, record};
+use super::format::{self, Damage, scan};
 use crate::error::{Error, Result};
 use crate::file;
 
@@ -71,7 +71,7 @@ impl Journal {
     }
 
     fn truncate_torn_end(self) -> Result<Self> {
-        if self.torn.is_some() {
+        if self.content.torn.is_some() {
             let truncated = self.file.set_len(self.end).and_then(|()| self.file.sync_data());
             truncated.map_err(Error::writing(&self.path))?;
         }
@@ -89,11 +89,11 @@ fn lock_folder(folder: &Path) -> Result<(PathBuf, File)> {
 
 /// Creates a journal file with a header. The file appears under its name only after the header is on disk.
 fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal> {
-    if !record::fits_header(identity) {
+    if !format::fits_header(identity) {
         return Err(Error::journal(path, "its identity is longer than 64 KiB")
             .help("store hashes instead of long values"));
     }
-    let header = record::encode_header(identity);
+    let header = format::encode_header(identity);
     let write = || {
         file::atomic::write_bytes(&path, &header)?;
         let file = file::open_to_change(&path)?;
@@ -115,16 +115,16 @@ fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal
 fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     let length = file.metadata().map_err(Error::reading(&path))?.len();
     let mut start = Vec::new();
-    let read = (&file).take(record::MAX_HEADER_BYTES as u64).read_to_end(&mut start);
+    let read = (&file).take(format::MAX_HEADER_BYTES as u64).read_to_end(&mut start);
     read.map_err(Error::reading(&path))?;
     let refusal = |fault: String, help: &str| Error::journal(&path, fault).help(help);
-    let (identity, records_at, whole) = match record::read_header(&start) {
-        record::Header::Known { identity, records_at, whole } => (identity, records_at, whole),
-        record::Header::Later(version) => {
+    let (identity, records_at, whole) = match format::read_header(&start) {
+        format::Header::Known { identity, records_at, whole } => (identity, records_at, whole),
+        format::Header::Later(version) => {
             let fault = format!("its format is {version}, which this version does not support");
             return Err(refusal(fault, "open it with a later version of krylux"));
         }
-        record::Header::Unknown => {
+        format::Header::Unknown => {
             return Err(refusal(
                 "both copies of its header are damaged, or it is not a journal".into(),
                 "name another folder, or restore the file from a backup",
@@ -134,35 +134,22 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     if !whole && lock.is_some() {
         let repair = file
             .seek(SeekFrom::Start(0))
-            .and_then(|_| file.write_all(&record::encode_header(&identity)))
+            .and_then(|_| file.write_all(&format::encode_header(&identity)))
             .and_then(|()| file.sync_data());
         repair.map_err(Error::writing(&path))?;
     }
     let length = length.max(records_at);
     let identity_hash = identity.hash();
-    let mut found = scan(&file, &identity_hash, records_at, length).map_err(Error::reading(&path))?;
+    let mut content = scan(&file, &identity_hash, records_at, length).map_err(Error::reading(&path))?;
     if !whole {
         let record = "one copy of the header".into();
         let fault = "it does not match its checksum; the other copy is undamaged";
-        found.damages.insert(0, Damage { offset: 0, bytes: records_at, record, fault, entry: None });
+        content.damages.insert(0, Damage { offset: 0, bytes: records_at, record, fault, entry: None });
     }
-    let index = found.entries.iter().enumerate().map(|(index, entry)| (entry.key, index)).collect();
-    let end = found.torn.as_ref().map_or(length, |torn| torn.offset);
-    let synced = Synced::now(found.entries.len());
-    Ok(Journal {
-        path,
-        file,
-        lock,
-        identity,
-        identity_hash,
-        entries: found.entries,
-        index,
-        damages: found.damages,
-        torn: found.torn,
-        end,
-        broken: false,
-        synced,
-    })
+    let index = content.entries.iter().enumerate().map(|(index, entry)| (entry.key, index)).collect();
+    let end = content.torn.as_ref().map_or(length, |torn| torn.offset);
+    let synced = Synced::now(content.entries.len());
+    Ok(Journal { path, file, lock, identity, identity_hash, content, index, end, broken: false, synced })
 }
 
 /// Takes the journal's lock. The system releases it when the file is closed, however the process ends.

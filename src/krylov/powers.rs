@@ -113,12 +113,6 @@ impl<'a, O: Operator + ?Sized> Rescaled<'a, O> {
 impl<O: Operator + ?Sized> Operator for Rescaled<'_, O> {
     delegate!(operator: rows, cols, symmetry, block_size, observer, frames, confirming);
 
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        if !self.recall(&[x], &mut [&mut *y]) {
-            self.operator.apply(x, y)?;
-        }
-        self.divide(&[x], &mut [y])
-    }
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         if !self.recall(xs, ys) {
             self.operator.apply_block(xs, ys)?;
@@ -136,10 +130,6 @@ impl<O: Operator + ?Sized> Operator for Rescaled<'_, O> {
 }
 
 impl<O: Adjoint + ?Sized> Adjoint for Rescaled<'_, O> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.operator.apply_adjoint(y, x)?;
-        self.divide(&[y], &mut [x])
-    }
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         self.operator.apply_adjoint_block(ys, xs)?;
         self.divide(ys, xs)

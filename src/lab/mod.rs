@@ -25,6 +25,7 @@
 
 mod answers;
 mod builder;
+mod calibration;
 mod folder;
 mod journal;
 mod kept;
@@ -69,10 +70,7 @@ pub use settings::{
 pub(crate) use settings::{byte_count, size};
 pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, Saved, Verb, Verified};
-pub use verbs::{
-    Calibrated, JoinedShards, MatrixRequest, Plan, PlanRequest, Scaling, SinglePhoto, TracedShard,
-    join_shards,
-};
+pub use verbs::{JoinedShards, MatrixRequest, Scaling, SinglePhoto, TracedShard, join_shards};
 pub use verification::VerifiedEigenpairs;
 
 pub use crate::analysis::segment::Truth;

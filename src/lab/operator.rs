@@ -4,10 +4,10 @@ use std::sync::{Arc, Mutex};
 
 use super::SharedObserver;
 use super::lock::lock;
-use super::transport::{Direction, LightTransport, Shape};
+use super::transport::{LightTransport, Shape};
 use crate::error::{Error, Result};
 use crate::observer::{Observer, PhotoTaken};
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::operator::{Adjoint, Direction, Operator, Symmetry};
 use crate::report::contact_sheet::ContactSheet;
 use crate::transport::Part;
 
@@ -75,11 +75,10 @@ impl LabOperator {
 
     fn products(&mut self, direction: Direction, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         let of = (self.part, self.channel);
+        self.errors = lock(&self.transport).products((of, self.is_confirming), direction, xs, ys)?;
         if self.is_confirming {
-            self.errors = lock(&self.transport).confirming_products(of, direction, xs, ys)?;
             return Ok(());
         }
-        self.errors = lock(&self.transport).products(of, direction, xs, ys)?;
         self.photos += xs.len();
         let Some(sheet) = &self.sheet else { return Ok(()) };
         let is_dual = direction == Direction::Adjoint;
@@ -104,10 +103,6 @@ impl Operator for LabOperator {
 
     fn symmetry(&self) -> Symmetry {
         self.shape.symmetry
-    }
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.products(Direction::Forward, &[x], &mut [y])
     }
 
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
@@ -145,10 +140,6 @@ impl Operator for LabOperator {
 }
 
 impl Adjoint for LabOperator {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.products(Direction::Adjoint, &[y], &mut [x])
-    }
-
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         self.products(Direction::Adjoint, ys, xs)
     }

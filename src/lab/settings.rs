@@ -97,11 +97,11 @@ impl View {
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct OperatorSettings {
     /// How photos are computed: as products with a matrix, or each traced anew (the same photos, to rounding); auto decides by --memory
-    #[arg(long = "operator", value_enum, default_value = "auto")]
+    #[arg(id = "operator", long = "operator", value_enum, default_value = "auto")]
     pub choice: OperatorChoice,
     /// Where products with the matrix are computed (the same, to the rounding of sums); auto: on a GPU that has f64 and room for the matrix,
     /// else on the processor
-    #[arg(long = "products", value_enum, default_value = "auto")]
+    #[arg(id = "products", long = "products", value_enum, default_value = "auto")]
     pub backend: Backend,
     /// The memory that a matrix may take while it is assembled, e.g. 8GiB or 500MB [default: half of the machine's]
     #[arg(long, value_name = "BYTES", value_parser = byte_count)]
@@ -168,14 +168,15 @@ impl CacheChoice {
     }
 }
 
-/// Settings of the tracer. `None` means the stated default, or the value in a virtual rig's file.
+/// Settings of the tracer. `None` means the stated default, or the value in a virtual rig's file. Each option has an identifier of its own,
+/// because requests have fields of the same names, such as `photos`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, clap::Args)]
 pub struct TraceOverrides {
     /// Pixels of the camera, and of the projector where that has no --projector-size: 128, or 128x96 [default: 128]
-    #[arg(long = "size", value_name = "N|WxH", value_parser = size)]
+    #[arg(id = "size", long = "size", value_name = "N|WxH", value_parser = size)]
     pub resolution: Option<Resolution>,
     /// Light paths per camera pixel [default: 64]
-    #[arg(long = "spp", value_name = "N")]
+    #[arg(id = "spp", long = "spp", value_name = "N")]
     pub samples: Option<u32>,
     /// Surfaces that a light path meets at most; 1 is direct light only [default: 6]
     #[arg(long, value_name = "N")]
@@ -192,14 +193,14 @@ pub struct TraceOverrides {
     pub sampler: Option<Sampler>,
     /// Chains through mirrors and glass traced from each pixel, for light that is mirrored at both ends; 0 leaves it out
     /// [default: 16]
-    #[arg(long = "gather-photons", value_name = "N")]
+    #[arg(id = "gather_photons", long = "gather-photons", value_name = "N")]
     pub photons: Option<u32>,
     /// How far around a point such chains count: 1 is what a pixel sees through its chain; smaller is sharper, and noisier
     /// [default: 1]
-    #[arg(long = "gather-radius", value_name = "R", value_parser = radius)]
+    #[arg(id = "gather_radius", long = "gather-radius", value_name = "R", value_parser = radius)]
     pub radius: Option<f32>,
     /// Pixels of a projector that stands apart from the camera [default: those of the camera]
-    #[arg(long = "projector-size", value_name = "N|WxH", value_parser = size)]
+    #[arg(id = "projector_size", long = "projector-size", value_name = "N|WxH", value_parser = size)]
     pub projector: Option<Resolution>,
 }
 

@@ -53,7 +53,7 @@ impl Lab {
         Ok(())
     }
 
-    pub(super) fn is_no_rig(&self) -> Error {
+    pub(crate) fn is_no_rig(&self) -> Error {
         not_a_rig(Path::new(&self.name()))
     }
 }

@@ -1,6 +1,5 @@
 //! The light transport of an open source. Every product with a part of its matrix, and every photo, passes through it.
 
-mod engine;
 mod opening;
 
 use std::path::PathBuf;
@@ -8,18 +7,21 @@ use std::sync::Arc;
 
 use super::measured::MeasuredRig;
 use super::run_model::open_model;
-use super::source::ModelParts;
+use super::source::{ExplicitParts, ModelParts, SceneSource};
 use super::{
     Log, SharedObserver, journal,
     notes::{self, product_name},
 };
+use crate::analysis::LowRank;
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::journal::{Journal, Key};
 use crate::measure::RigRecord;
-use crate::operator::{Adjoint, Operator, Symmetry};
-use crate::transport::{Assembled, Bounces, JournaledOperator, Part, Retraced, pooled};
-use engine::Engine;
+use crate::operator::{Adjoint, Direction, Operator, Symmetry};
+use crate::transport::{
+    Assembled, Bounces, Channels, EstimatedOperator, JournaledOperator, Part, Retraced, RetracedOperator,
+    Transport, pooled,
+};
 pub(super) use opening::require_photo_memory;
 
 /// The light transport of a source: the engine that takes photos, and the journal of a scene. The journal of a rig is behind its frames.
@@ -42,11 +44,70 @@ pub(super) struct Shape {
     pub(super) block_size: usize,
 }
 
-/// The direction of a product: from the projector to the camera, or back with the transpose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Direction {
-    Forward,
-    Adjoint,
+/// The source of photos.
+enum Engine {
+    /// Products with a traced matrix.
+    Replayed(Arc<Assembled>),
+    /// A scene that is traced for each photo. The photos equal those of `Replayed`, up to rounding.
+    Retraced(Retracing),
+    /// A rig, or the photos of a rig that a run took.
+    Measured(Box<MeasuredRig>),
+    Explicit(Box<ExplicitParts>),
+    Model(Box<ModelParts>),
+    /// No engine, since every photo is in the journal.
+    JournalOnly,
+}
+
+struct Retracing {
+    scene: Box<SceneSource>,
+    channels: Channels,
+    /// Whether the errors of products are known.
+    states_errors: bool,
+}
+
+impl Retracing {
+    fn with<T>(&self, work: impl FnOnce(Retraced<'_>) -> T) -> T {
+        let mut tracer = self.scene.tracer();
+        work(Retraced { tracer: &mut tracer, settings: self.scene.settings, channels: self.channels })
+    }
+}
+
+impl Engine {
+    /// Lets `work` multiply with one part and channel.
+    fn with_operator<T>(
+        &mut self,
+        part: Part,
+        channel: usize,
+        work: impl FnOnce(&mut dyn Adjoint) -> Result<T>,
+    ) -> Result<T> {
+        match self {
+            Self::Replayed(traced) => work(&mut traced.operator(part, channel)),
+            Self::Retraced(scene) if scene.states_errors => {
+                scene.with(|retraced| work(&mut EstimatedOperator::new(retraced, part, channel)))
+            }
+            Self::Retraced(scene) => {
+                scene.with(|retraced| work(&mut RetracedOperator { retraced, part, channel }))
+            }
+            Self::Measured(rig) => work(&mut rig.measurement.operator(part, channel)),
+            Self::Explicit(parts) => work(parts.operator(part)?),
+            Self::Model(parts) => work(&mut parts.operator(part, channel)),
+            Self::JournalOnly => Err(Error::Interrupted),
+        }
+    }
+
+    fn photograph(&mut self, pattern: &Image) -> Result<Image> {
+        match self {
+            Self::Replayed(traced) => traced.photograph(pattern),
+            Self::Retraced(scene) => scene.with(|mut retraced| retraced.photograph(pattern)),
+            Self::Measured(rig) => rig.measurement.photograph(pattern)?.to_image(),
+            Self::Explicit(parts) => parts.photograph(pattern),
+            Self::Model(parts) => {
+                let none: Option<&mut [LowRank]> = None;
+                Ok(parts.model.relight("", pattern.clone(), none)?.relit)
+            }
+            Self::JournalOnly => Err(Error::Interrupted),
+        }
+    }
 }
 
 impl LightTransport {
@@ -126,28 +187,20 @@ impl LightTransport {
         ask(self)
     }
 
-    /// Products of one part and channel with several vectors, and their standard errors if the source knows them.
+    /// Products of one part and channel with several vectors, and their standard errors if the source knows them. The journal keeps products
+    /// that only confirm an answer apart from the photos used for models.
     pub(super) fn products(
         &mut self,
-        of: (Part, usize),
+        (of, is_confirming): ((Part, usize), bool),
         direction: Direction,
         xs: &[&[f64]],
         ys: &mut [&mut [f64]],
     ) -> Result<Vec<f64>> {
         let name = product_name(of.0, of.1);
+        if is_confirming {
+            return self.products_taken(&format!("{name}, to confirm"), of, direction, xs, ys);
+        }
         self.or_by_model(|transport| transport.products_taken(&name, of, direction, xs, ys))
-    }
-
-    /// As [`Self::products`], for products that only confirm an answer. The journal keeps them apart from the photos used for models.
-    pub(super) fn confirming_products(
-        &mut self,
-        of: (Part, usize),
-        direction: Direction,
-        xs: &[&[f64]],
-        ys: &mut [&mut [f64]],
-    ) -> Result<Vec<f64>> {
-        let name = format!("{}, to confirm", product_name(of.0, of.1));
-        self.products_taken(&name, of, direction, xs, ys)
     }
 
     /// Products that the journal keeps under this name.
@@ -161,10 +214,7 @@ impl LightTransport {
     ) -> Result<Vec<f64>> {
         let Self { engine, journal, shape, observer, .. } = self;
         let apply = |operator: &mut dyn Adjoint, ys: &mut [&mut [f64]]| {
-            match direction {
-                Direction::Forward => operator.apply_block(xs, ys),
-                Direction::Adjoint => operator.apply_adjoint_block(xs, ys),
-            }?;
+            operator.products(direction, xs, ys)?;
             Ok(operator.standard_errors())
         };
         let Some(journal) = journal else {
@@ -228,12 +278,9 @@ impl LightTransport {
 
     fn photograph_with_error_taken(&mut self, pattern: &Image) -> Result<(Image, Option<Image>)> {
         match &mut self.engine {
-            Engine::Retraced(scene, channels) => {
-                let mut tracer = scene.tracer();
-                let settings = scene.settings;
-                let mut retraced = Retraced { tracer: &mut tracer, settings, channels: *channels };
-                let (photo, error) = retraced.photograph_with_error(pattern)?;
-                let error = if settings.samples > 1 { Some(pooled(&error)?) } else { None };
+            Engine::Retraced(scene) => {
+                let (photo, error) = scene.with(|mut retraced| retraced.photograph_with_error(pattern))?;
+                let error = if scene.scene.settings.samples > 1 { Some(pooled(&error)?) } else { None };
                 Ok((photo, error))
             }
             Engine::Measured(rig) => {

@@ -277,10 +277,6 @@ impl Operator for MeasuredOperator<'_> {
         self.measurement.symmetry()
     }
 
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.apply_block(&[x], &mut [y])
-    }
-
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.errors.clear();
         for (x, y) in xs.iter().zip(ys) {

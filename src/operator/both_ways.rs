@@ -64,10 +64,6 @@ impl<F: Operator, B: Operator> Operator for Exchanged<F, B> {
         Symmetry::General
     }
 
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.apply_block(&[x], &mut [y])
-    }
-
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.forth.apply_block(xs, ys)?;
         self.errors = self.forth.standard_errors();
@@ -89,10 +85,6 @@ impl<F: Operator, B: Operator> Operator for Exchanged<F, B> {
 }
 
 impl<F: Operator, B: Operator> Adjoint for Exchanged<F, B> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.apply_adjoint_block(&[y], &mut [x])
-    }
-
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         self.back.apply_block(ys, xs)?;
         xs.iter_mut().flat_map(|x| x.iter_mut()).for_each(|value| *value *= self.unit);
@@ -183,10 +175,6 @@ impl Operator for Gram<'_> {
 
     fn symmetry(&self) -> Symmetry {
         Symmetry::Symmetric
-    }
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.apply_block(&[x], &mut [y])
     }
 
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {

@@ -161,12 +161,6 @@ impl<'a, O: Operator + ?Sized> Recorded<'a, O> {
 impl<O: Operator + ?Sized> Operator for Recorded<'_, O> {
     delegate!(operator: rows, cols, symmetry, block_size, observer, standard_errors, common_error, frames);
 
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.operator.apply(x, y)?;
-        self.record(&[x], &[y]);
-        Ok(())
-    }
-
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.operator.apply_block(xs, ys)?;
         self.record(xs, ys);
@@ -175,12 +169,6 @@ impl<O: Operator + ?Sized> Operator for Recorded<'_, O> {
 }
 
 impl<O: Adjoint + ?Sized> Adjoint for Recorded<'_, O> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.operator.apply_adjoint(y, x)?;
-        self.record(&[y], &[x]);
-        Ok(())
-    }
-
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         self.operator.apply_adjoint_block(ys, xs)?;
         self.record(ys, xs);

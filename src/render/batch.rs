@@ -59,7 +59,7 @@ pub struct Batch<'a> {
 
 impl<'a> Batch<'a> {
     pub(super) fn new(first_path: u64, layout: RecordLayout, records: &'a [[u32; 4]]) -> Self {
-        Self { first_path, layout, paths: records.len() / layout.stride(), records, merged: None }
+        Self::merged(first_path, layout, records.len() / layout.stride(), (records, None))
     }
 
     /// The batch of `paths` paths whose connections are in `merged`. `records` holds the paths' first slots at least, and those of ambient

@@ -7,12 +7,11 @@ use std::time::Instant;
 use wgpu::BufferUsages;
 
 use super::batch::{Batch, RecordLayout};
-use super::device_merge::{
-    DeviceMerge, MergeInFlight, MergeRequest, MergeSession, MergedView, agree, host_terms,
-};
+use super::device_merge::{DeviceMerge, MergeInFlight, MergeRequest, MergedView, Trust, agree, host_terms};
 use super::dispatch::{DispatchSizer, Dispatches, PathWork, unfinished_paths};
 use super::geometry::GpuScene;
-use super::kernel::{Parameters, PhotonBuffers, Pipeline};
+use super::kernel::{Parameters, Pipeline};
+use super::photons::PhotonMap;
 use super::settings::TraceSummary;
 use super::strategy::Strategy;
 use crate::error::Result;
@@ -45,11 +44,10 @@ pub(super) struct StrategyRun<'a> {
     strategy: &'a Strategy,
     kernel: &'a mut SizedKernel,
     dispatches: &'a mut Dispatches,
-    outputs: Vec<Output>,
+    pub(super) outputs: Vec<Output>,
     /// One for each output, if the device sorts and sums contributions.
     merges: Vec<DeviceMerge>,
-    merging: Option<MergeSession<'a>>,
-    staging: Vec<StagingBuffers>,
+    merging: Option<(&'a MergeRequest<'a>, &'a mut Trust)>,
     capacity: u32,
     /// The dispatches in flight, oldest first.
     in_flight: VecDeque<InFlight>,
@@ -68,7 +66,7 @@ impl<'a> StrategyRun<'a> {
         paths: Range<u64>,
         kernel: &'a mut SizedKernel,
         dispatches: &'a mut Dispatches,
-        (mut staging, mut merging): (Vec<StagingBuffers>, Option<MergeSession<'a>>),
+        (mut staging, mut merging): (Vec<StagingBuffers>, Option<(&'a MergeRequest<'a>, &'a mut Trust)>),
     ) -> Result<Self> {
         let stride = u64::from(strategy.parameters.stride);
         let total = paths.end - paths.start;
@@ -84,18 +82,22 @@ impl<'a> StrategyRun<'a> {
         while staging.len() < wanted {
             staging.push(StagingBuffers::new(gpu, bytes)?);
         }
-        let output = |buffers: &StagingBuffers| {
-            let (chains, light_buffer) = (&strategy.chains.buffers, &strategy.light_buffer);
-            Output::new(gpu, &kernel.pipeline, scene, chains, light_buffer, buffers.clone())
+        let output = |buffers: StagingBuffers| {
+            let (chains, light_buffer) = (&strategy.chains, &strategy.light_buffer);
+            Output::new(gpu, &kernel.pipeline, scene, chains, light_buffer, buffers)
         };
-        let outputs = staging.iter().map(output).collect::<Result<_>>()?;
+        let outputs = staging.into_iter().map(output).collect::<Result<Vec<Output>>>()?;
         let mut merges = Vec::new();
-        if let Some(merging) = &merging {
+        if let Some((request, trust)) = &mut merging {
             let of = (&strategy.layout, strategy.parameters.end.pixels());
-            let merge =
-                |buffers: &StagingBuffers| DeviceMerge::new(gpu, merging, of, capacity, buffers.buffer());
-            // If the device lacks the room, the host sorts and sums.
-            let made: Result<Option<Vec<DeviceMerge>>> = staging.iter().map(merge).collect();
+            // If the device lacks the room, or cannot compile the kernels, the host sorts and sums.
+            let made: Result<Option<Vec<DeviceMerge>>> = trust.kernels(gpu).and_then(|kernels| {
+                let merge = |output: &Output| {
+                    let records = &output.staging.results.buffer;
+                    DeviceMerge::new(gpu, &kernels, request.channels, of, capacity, records)
+                };
+                outputs.iter().map(merge).collect()
+            });
             merges = made.ok().flatten().unwrap_or_default();
         }
         if merges.is_empty() {
@@ -112,7 +114,6 @@ impl<'a> StrategyRun<'a> {
             outputs,
             merges,
             merging,
-            staging,
             capacity,
             in_flight,
             left: paths,
@@ -127,9 +128,9 @@ impl<'a> StrategyRun<'a> {
     }
 
     pub(super) fn launch(&mut self, summary: &mut TraceSummary) -> Result<()> {
-        let Self { strategy, left, kernel: SizedKernel { pipeline, sizer }, .. } = self;
+        let Self { strategy, left, kernel: SizedKernel { sizer, .. }, .. } = self;
         let samples = u64::from(strategy.parameters.samples);
-        let merging = self.merging.as_ref().filter(|merging| !*merging.is_lost);
+        let merging = self.merging.as_ref().filter(|(_, trust)| !trust.is_lost);
         // At most the capacity, which has 32 bits.
         let first_path = left.start;
         let mut paths = u64::from(sizer.paths(self.capacity));
@@ -148,11 +149,10 @@ impl<'a> StrategyRun<'a> {
         let output = summary.dispatches as usize % self.outputs.len();
         let start = Instant::now();
         // For merged paths, the host reads only the heads of the records, and ambient light, which is at their end.
-        let needs_all = merging.is_none_or(|merging| !*merging.is_checked) || strategy.layout.ambient;
+        let needs_all = merging.is_none_or(|(_, trust)| !trust.is_checked) || strategy.layout.ambient;
         let bytes = if needs_all { record_bytes(&parameters, paths) } else { u64::from(paths) * 16 };
-        let merge = merging.map(|merging| (&self.merges[output], merging.request, &strategy.layout));
-        let (readback, submission) =
-            self.outputs[output].launch(self.gpu, pipeline, &parameters, bytes, merge)?;
+        let merge = merging.map(|(request, _)| (&self.merges[output], *request, &strategy.layout));
+        let (readback, submission) = self.outputs[output].launch(self.gpu, &parameters, bytes, merge)?;
         let merge = merge.map(|(merge, ..)| merge.request(submission, parameters.first_pixel));
         self.in_flight.push_back(InFlight { output, readback, start, first_path, parameters, merge });
         left.start += u64::from(paths);
@@ -186,7 +186,7 @@ impl<'a> StrategyRun<'a> {
             drop(view);
             output.release();
             let bytes = record_bytes(&parameters, parameters.paths);
-            view = output.run(self.gpu, &self.kernel.pipeline, &parameters, bytes)?;
+            view = output.run(self.gpu, &parameters, bytes)?;
             (unfinished, rays) = counted(&view, parameters.mark);
             // The host sums paths that were traced again.
             if let Some(merge) = merge.take() {
@@ -203,14 +203,14 @@ impl<'a> StrategyRun<'a> {
         self.idle_since = Instant::now();
         let records = bytemuck::cast_slice(&view);
         let mut terms = merged.as_ref().map(MergedView::merged);
-        if let (Some(found), Some(merging)) = (&terms, &mut self.merging)
-            && !*merging.is_checked
+        if let (Some(found), Some((request, trust))) = (&terms, &mut self.merging)
+            && !trust.is_checked
         {
             let batch = Batch::merged(first_path, layout, paths, (records, None));
-            *merging.is_lost = !agree(found, &host_terms(&batch, merging.request));
-            *merging.is_checked = *merging.is_lost || parameters.paths >= CHECKED_PATHS;
+            trust.is_lost = !agree(found, &host_terms(&batch, request));
+            trust.is_checked = trust.is_lost || parameters.paths >= CHECKED_PATHS;
         }
-        if self.merging.as_ref().is_some_and(|merging| *merging.is_lost) {
+        if self.merging.as_ref().is_some_and(|(_, trust)| trust.is_lost) {
             terms = None;
         }
         summary.merged += u32::from(terms.is_some());
@@ -229,18 +229,13 @@ impl<'a> StrategyRun<'a> {
         self.kernel.sizer.adapt(parameters.paths, elapsed);
         Ok(true)
     }
-
-    pub(super) fn into_staging(self) -> Vec<StagingBuffers> {
-        self.staging
-    }
 }
 
 fn record_bytes(parameters: &Parameters, paths: u32) -> u64 {
     u64::from(paths) * u64::from(parameters.stride) * 16
 }
 
-/// The staging buffers of one dispatch: its parameters, and its results. Clones share them.
-#[derive(Clone)]
+/// The staging buffers of one dispatch: its parameters, and its results.
 pub(super) struct StagingBuffers {
     parameters: wgpu::Buffer,
     results: Results,
@@ -255,18 +250,15 @@ impl StagingBuffers {
         Ok(Self { parameters, results })
     }
 
-    pub(super) fn buffer(&self) -> &wgpu::Buffer {
-        &self.results.buffer
-    }
-
     pub(super) fn bytes(&self) -> u64 {
         self.results.buffer.size()
     }
 }
 
-/// The bindings of a kernel: its staging buffers and all its inputs. It serves one dispatch at a time.
+/// A kernel with its staging buffers and all its inputs. It serves one dispatch at a time.
 pub(super) struct Output {
-    staging: StagingBuffers,
+    pipeline: wgpu::ComputePipeline,
+    pub(super) staging: StagingBuffers,
     scene_group: wgpu::BindGroup,
     output_group: wgpu::BindGroup,
 }
@@ -276,14 +268,14 @@ impl Output {
         gpu: &Gpu,
         kernel: &Pipeline,
         scene: &GpuScene,
-        chains: &PhotonBuffers,
+        chains: &PhotonMap,
         light_buffer: &wgpu::TextureView,
         staging: StagingBuffers,
     ) -> Result<Self> {
         gpu.guarded("bindings", || {
             let view = wgpu::BindingResource::TextureView;
-            let scene_group = bind_group(
-                gpu,
+            let scene_group = gpu.bind(
+                "scene",
                 &kernel.scene_layout,
                 [
                     staging.parameters.as_entire_binding(),
@@ -296,8 +288,8 @@ impl Output {
                     scene.srgb_table.as_entire_binding(),
                 ],
             );
-            let output_group = bind_group(
-                gpu,
+            let output_group = gpu.bind(
+                "output",
                 &kernel.output_layout,
                 [
                     staging.results.buffer.as_entire_binding(),
@@ -306,7 +298,7 @@ impl Output {
                     view(light_buffer),
                 ],
             );
-            Self { staging: staging.clone(), scene_group, output_group }
+            Self { pipeline: kernel.pipeline.clone(), staging, scene_group, output_group }
         })
     }
 
@@ -315,16 +307,15 @@ impl Output {
     pub(super) fn launch(
         &self,
         gpu: &Gpu,
-        kernel: &Pipeline,
         parameters: &Parameters,
         bytes: u64,
         merge: Option<(&DeviceMerge, &MergeRequest<'_>, &RecordLayout)>,
     ) -> Result<(Readback, wgpu::SubmissionIndex)> {
         let submission = gpu.guarded("dispatch", || {
             gpu.queue.write_buffer(&self.staging.parameters, 0, bytemuck::bytes_of(parameters));
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            let mut encoder = gpu.encoder();
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&kernel.pipeline);
+            pass.set_pipeline(&self.pipeline);
             pass.set_bind_group(0, &self.scene_group, &[]);
             pass.set_bind_group(1, &self.output_group, &[]);
             pass.dispatch_workgroups(parameters.paths.div_ceil(64 * parameters.paths_per_invocation), 1, 1);
@@ -342,14 +333,8 @@ impl Output {
         self.staging.results.wait(gpu, in_flight)
     }
 
-    pub(super) fn run(
-        &self,
-        gpu: &Gpu,
-        kernel: &Pipeline,
-        parameters: &Parameters,
-        bytes: u64,
-    ) -> Result<wgpu::BufferView> {
-        let (readback, _) = self.launch(gpu, kernel, parameters, bytes, None)?;
+    pub(super) fn run(&self, gpu: &Gpu, parameters: &Parameters, bytes: u64) -> Result<wgpu::BufferView> {
+        let (readback, _) = self.launch(gpu, parameters, bytes, None)?;
         self.wait(gpu, readback)
     }
 
@@ -357,14 +342,4 @@ impl Output {
     pub(super) fn release(&self) {
         self.staging.results.release();
     }
-}
-
-fn bind_group<const N: usize>(
-    gpu: &Gpu,
-    layout: &wgpu::BindGroupLayout,
-    resources: [wgpu::BindingResource<'_>; N],
-) -> wgpu::BindGroup {
-    let entries: Vec<_> =
-        (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
-    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
 }

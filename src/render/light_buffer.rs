@@ -30,32 +30,35 @@ const MAX_TOUCHED: usize = 1 << 26;
 
 /// Texels in a row of the raster for a scene with this number of pairs. One texel on each side lies beyond the field of view. A fine raster
 /// has short lists; a coarse one stays in the cache.
-pub(super) fn light_buffer_side(pairs: usize) -> u32 {
+fn light_buffer_side(pairs: usize) -> u32 {
     // Measurements on software Vulkan: guide/src/right/speed.md.
     (16 * (2 * pairs).isqrt()).next_power_of_two().clamp(128, 512) as u32
 }
 
 #[derive(Default)]
 pub(super) struct LightBuffers {
-    made: HashMap<[u32; 2], Option<wgpu::TextureView>>,
+    made: HashMap<[u32; 2], (wgpu::TextureView, u32)>,
 }
 
 impl LightBuffers {
-    /// The light buffer for half the extent `tangent` of the image plane at distance 1, made at its first use. `None` if lists would be too
-    /// long.
+    /// The light buffer for half the extent `tangent` of the image plane at distance 1, made at its first use, and the texels in a row of
+    /// its raster. If lists would be too long, it is a placeholder without texels.
     pub(super) fn lists(
         &mut self,
         gpu: &Gpu,
         scene: &GpuScene,
         tangent: [f32; 2],
-    ) -> Result<Option<wgpu::TextureView>> {
+    ) -> Result<(wgpu::TextureView, u32)> {
         let key = tangent.map(f32::to_bits);
         if let Some(made) = self.made.get(&key) {
             return Ok(made.clone());
         }
-        let made = lists(&scene.pairs_in_order, tangent, MAX_TOUCHED)
-            .map(|words| gpu.texel_array("light buffer", &words))
-            .transpose()?;
+        let made = match lists(&scene.pairs_in_order, tangent, MAX_TOUCHED) {
+            Some(words) => {
+                (gpu.texel_array("light buffer", &words)?, light_buffer_side(scene.pairs_in_order.len()))
+            }
+            None => (no_light_buffer(gpu)?, 0),
+        };
         self.made.insert(key, made.clone());
         Ok(made)
     }

@@ -19,7 +19,7 @@ mod tracer;
 
 pub use batch::{Batch, Connection, Run};
 pub(crate) use batch::{End, PIXEL_MASK, Recorded};
-pub(crate) use device_merge::{MergeRequest, Merged};
+pub(crate) use device_merge::{MergeRequest, Merged, class};
 pub use materials::MIN_ALPHA;
 pub use photons::Gather;
 pub use settings::{MAX_BOUNCES, Sampler, StartPixels, TraceSettings, TraceSummary};

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::dispatch::{Dispatches, unfinished_paths};
 use super::geometry::GpuScene;
-use super::kernel::{Features, GpuEndpoint, Parameters, PhotonBuffers, Pipeline};
+use super::kernel::{Features, GpuEndpoint, Parameters, Pipeline};
 use super::launch::{Output, StagingBuffers};
 use super::light_buffer::no_light_buffer;
 use super::materials::NONE;
@@ -21,10 +21,12 @@ const MAX_CHAIN: u32 = 15;
 
 #[derive(Clone)]
 pub(super) struct PhotonMap {
-    pub(super) buffers: PhotonBuffers,
+    pub(super) photons: wgpu::TextureView,
+    /// The first photon of each bucket.
+    pub(super) buckets: wgpu::Buffer,
     /// Number of buckets minus 1; 0 without photons.
     pub(super) bucket_mask: u32,
-    pub(super) photons: u32,
+    pub(super) count: u32,
     pub(super) radius: f32,
 }
 
@@ -60,11 +62,17 @@ impl PartialEq for ChainRequest {
 
 impl PhotonMap {
     pub(super) fn empty(gpu: &Gpu) -> Result<Self> {
-        let buffers = PhotonBuffers {
-            photons: gpu.texel_array("photons", &[])?,
-            buckets: gpu.storage::<u32>("photon buckets", &[])?,
-        };
-        Ok(Self { buffers, bucket_mask: 0, photons: 0, radius: 1.0 })
+        Self::upload(gpu, &[], &[], 0, 1.0)
+    }
+
+    fn upload(gpu: &Gpu, photons: &[Photon], buckets: &[u32], bucket_mask: u32, radius: f32) -> Result<Self> {
+        Ok(Self {
+            photons: gpu.texel_array("photons", &texels(photons))?,
+            buckets: gpu.storage("photon buckets", buckets)?,
+            bucket_mask,
+            count: photons.len() as u32,
+            radius,
+        })
     }
 
     /// Traces the chains of `request` and sorts their photons. Fails with [`UnfinishedPaths`](crate::Error::UnfinishedPaths) if the driver
@@ -88,7 +96,7 @@ impl PhotonMap {
         let capacity = dispatches.capacity(gpu, words, 1, total);
         let bytes = u64::from(capacity) * words * 16;
         let staging = StagingBuffers::new(gpu, bytes)?;
-        let output = Output::new(gpu, &kernel, scene, &none.buffers, &no_light_buffer(gpu)?, staging)?;
+        let output = Output::new(gpu, &kernel, scene, &none, &no_light_buffer(gpu)?, staging)?;
         let mut photons: Vec<Photon> = Vec::new();
         let mut done = 0;
         while done < total {
@@ -108,7 +116,7 @@ impl PhotonMap {
                 ..base
             };
             let bytes = u64::from(paths) * words * 16;
-            let view = output.run(gpu, &kernel, &parameters, bytes)?;
+            let view = output.run(gpu, &parameters, bytes)?;
             let records: &[[u32; 4]] = bytemuck::cast_slice(&view);
             let mut unfinished = 0;
             for record in records.chunks_exact(words as usize) {
@@ -133,16 +141,8 @@ impl PhotonMap {
         let photons = fitting(photons, room as usize);
         let pixel_area = endpoint.image_area() / endpoint.pixels() as f64;
         let radius = gather.radius * median_radius(&photons, pixel_area);
-        Self::sort(gpu, photons, radius)
-    }
-
-    fn sort(gpu: &Gpu, photons: Vec<Photon>, radius: f32) -> Result<Self> {
         let Grid { mask, start, photons } = Grid::new(photons, inverse_cell(radius));
-        let buffers = PhotonBuffers {
-            photons: gpu.texel_array("photons", &texels(&photons))?,
-            buckets: gpu.storage("photon buckets", &start)?,
-        };
-        Ok(Self { buffers, bucket_mask: mask, photons: photons.len() as u32, radius })
+        Self::upload(gpu, &photons, &start, mask, radius)
     }
 
     pub(super) fn inverse_cell(&self) -> f32 {

@@ -4,15 +4,15 @@ use std::ops::Range;
 
 use glam::{DMat3, DVec3, Vec3};
 
+use super::Tracer;
 use super::batch::RecordLayout;
-use super::dispatch::{Dispatches, max_paths_per_invocation};
-use super::geometry::{GpuScene, Unit};
+use super::dispatch::max_paths_per_invocation;
+use super::geometry::Unit;
 use super::kernel::{Features, GpuEndpoint, Parameters};
-use super::light_buffer::{LightBuffers, light_buffer_side, no_light_buffer};
-use super::photons::{ChainCache, ChainRequest, PhotonMap};
+use super::light_buffer::no_light_buffer;
+use super::photons::{ChainRequest, PhotonMap};
 use super::settings::{StartPixels, TraceSettings};
 use crate::error::Result;
-use crate::gpu::Gpu;
 use crate::image::Resolution;
 use crate::scene::{Camera, Scene};
 
@@ -42,16 +42,7 @@ impl Strategy {
     }
 }
 
-pub(super) struct StrategyBuilder<'a> {
-    pub(super) gpu: &'a Gpu,
-    pub(super) scene: &'a GpuScene,
-    pub(super) rig: &'a Endpoints,
-    pub(super) dispatches: &'a mut Dispatches,
-    pub(super) light_buffers: &'a mut LightBuffers,
-    pub(super) chains: &'a mut ChainCache,
-}
-
-impl StrategyBuilder<'_> {
+impl Tracer {
     /// The strategies for these settings: from the camera, and from the projector unless the rig is coaxial.
     pub(super) fn strategies(&mut self, settings: &TraceSettings) -> Result<Vec<Strategy>> {
         let (camera, projector) = (self.rig.camera(settings), self.rig.projector(settings));
@@ -78,15 +69,10 @@ impl StrategyBuilder<'_> {
         let coaxial_pinhole = self.rig.coaxial_pinhole(settings);
         let ambient = self.scene.ambient && from_camera;
         // If light may pass straight through a surface, a ray needs all its hits in order, and the light buffer does not give them.
-        let lists = if coaxial_pinhole && !self.scene.features.passable {
-            self.light_buffers.lists(self.gpu, self.scene, start.tangent)?
+        let (light_buffer, light_buffer_side) = if coaxial_pinhole && !self.scene.features.passable {
+            self.light_buffers.lists(&self.gpu, &self.scene, start.tangent)?
         } else {
-            None
-        };
-        let has_light_buffer = lists.is_some();
-        let light_buffer = match lists {
-            Some(lists) => lists,
-            None => no_light_buffer(self.gpu)?,
+            (no_light_buffer(&self.gpu)?, 0)
         };
         let mut features = Features {
             scene: self.scene.features,
@@ -95,23 +81,19 @@ impl StrategyBuilder<'_> {
             coaxial_pinhole,
             roulette: settings.russian_roulette,
             several_paths: false,
-            light_buffer_side: if has_light_buffer {
-                light_buffer_side(self.scene.pairs_in_order.len())
-            } else {
-                0
-            },
+            light_buffer_side,
         };
         let mut parameters = parameters(settings, [start, end], [samples, end_samples], from_camera, coaxial);
         parameters.scale *= self.scene.unit.radiance();
         let chains = if self.scene.features.chains {
             let request = ChainRequest { features, endpoint: end, gather: settings.gather, base: parameters };
-            self.chains.map(self.gpu, self.scene, request, self.dispatches)?
+            self.chains.map(&self.gpu, &self.scene, request, &mut self.dispatches)?
         } else {
-            PhotonMap::empty(self.gpu)?
+            PhotonMap::empty(&self.gpu)?
         };
         let gathers = chains.bucket_mask != 0;
         let max_paths_per_invocation =
-            max_paths_per_invocation(self.gpu, &self.scene.features, gathers, settings.max_bounces);
+            max_paths_per_invocation(&self.gpu, &self.scene.features, gathers, settings.max_bounces);
         features.several_paths = max_paths_per_invocation > 1;
         let layout = RecordLayout {
             samples,
@@ -124,14 +106,14 @@ impl StrategyBuilder<'_> {
         };
         parameters.stride = layout.stride() as u32;
         parameters.bucket_mask = chains.bucket_mask;
-        parameters.photons = chains.photons;
+        parameters.photons = chains.count;
         parameters.gather_radius = chains.radius;
         parameters.inverse_cell = chains.inverse_cell();
         Ok(Strategy { parameters, features, max_paths_per_invocation, chains, light_buffer, layout })
     }
 }
 
-/// The parameters of a strategy's dispatches, without its photon map. The arguments are those of [`StrategyBuilder::strategy`].
+/// The parameters of a strategy's dispatches, without its photon map. The arguments are those of [`Tracer::strategy`].
 fn parameters(
     settings: &TraceSettings,
     [start, end]: [GpuEndpoint; 2],

@@ -15,7 +15,7 @@ use super::light_buffer::LightBuffers;
 use super::materials::NONE;
 use super::photons::ChainCache;
 use super::settings::{StartPixels, TraceSettings, TraceSummary};
-use super::strategy::{Endpoints, Strategy, StrategyBuilder};
+use super::strategy::{Endpoints, Strategy};
 use crate::error::{Error, Result};
 use crate::gpu::{AdapterSummary, Gpu};
 use crate::image::Resolution;
@@ -25,13 +25,13 @@ use crate::team::Remote;
 
 /// Traces the light paths of one scene on one device.
 pub struct Tracer {
-    gpu: Gpu,
-    scene: GpuScene,
-    rig: Endpoints,
+    pub(super) gpu: Gpu,
+    pub(super) scene: GpuScene,
+    pub(super) rig: Endpoints,
     kernels: HashMap<Features, SizedKernel>,
-    dispatches: Dispatches,
-    light_buffers: LightBuffers,
-    chains: ChainCache,
+    pub(super) dispatches: Dispatches,
+    pub(super) light_buffers: LightBuffers,
+    pub(super) chains: ChainCache,
     trust: Trust,
     staging: Vec<StagingBuffers>,
     observer: Arc<dyn Observer + Send + Sync>,
@@ -83,7 +83,7 @@ impl Tracer {
             dispatches: Dispatches::default(),
             light_buffers: LightBuffers::default(),
             chains: ChainCache::default(),
-            trust: Trust::new(),
+            trust: Trust::default(),
             staging: Vec::new(),
             observer: Arc::new(()),
             remote: None,
@@ -181,7 +181,7 @@ impl Tracer {
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<TraceSummary> {
         settings.check()?;
-        let strategies = self.strategy_builder().strategies(settings)?;
+        let strategies = self.strategies(settings)?;
         let all: Vec<Range<u64>> = strategies.iter().map(|strategy| strategy.paths_from(pixels)).collect();
         let total = all.iter().map(|paths| paths.end - paths.start).sum();
         let mut summary = TraceSummary::default();
@@ -206,17 +206,6 @@ impl Tracer {
         self.chains = ChainCache::default();
     }
 
-    pub(super) fn strategy_builder(&mut self) -> StrategyBuilder<'_> {
-        StrategyBuilder {
-            gpu: &self.gpu,
-            scene: &self.scene,
-            rig: &self.rig,
-            dispatches: &mut self.dispatches,
-            light_buffers: &mut self.light_buffers,
-            chains: &mut self.chains,
-        }
-    }
-
     /// Traces the paths of these numbers of one strategy. `total` counts the paths of all strategies, for the observer.
     pub(super) fn run(
         &mut self,
@@ -227,11 +216,7 @@ impl Tracer {
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<()> {
         let Self { gpu, scene, kernels, dispatches, staging, observer, trust, .. } = self;
-        let merging = match request.filter(|_| trust.merges(gpu)) {
-            // If a device cannot compile these kernels, the host does the work.
-            Some(request) => trust.merging(gpu, request).ok(),
-            None => None,
-        };
+        let merging = request.filter(|_| trust.merges(gpu)).map(|request| (request, trust));
         let kernel = kernel(gpu, kernels, &strategy.features)?;
         // Buffers of the last trace serve again. An interrupted trace has dropped them.
         let buffers = std::mem::take(staging);
@@ -247,7 +232,7 @@ impl Tracer {
                 break;
             }
         }
-        *staging = run.into_staging();
+        *staging = run.outputs.into_iter().map(|output| output.staging).collect();
         Ok(())
     }
 }
@@ -277,11 +262,11 @@ impl Tracer {
         let settings = TraceSettings { max_bounces: 1, ..TraceSettings::new(resolution, 1) };
         settings.check()?;
         let camera = self.rig.camera(&settings);
-        let template = self.strategy_builder().strategy(&settings, [camera; 2], [1; 2], true)?;
+        let template = self.strategy(&settings, [camera; 2], [1; 2], true)?;
         let kernel = Pipeline::new(&self.gpu, "primary_regions", &template.features)?;
         let total = resolution.pixels() as u64;
         let capacity = total.min(u64::from(MAX_PATHS)).max(64);
-        let (chains, light_buffer) = (&template.chains.buffers, &template.light_buffer);
+        let (chains, light_buffer) = (&template.chains, &template.light_buffer);
         let staging = StagingBuffers::new(&self.gpu, capacity * 4)?;
         let output = Output::new(&self.gpu, &kernel, &self.scene, chains, light_buffer, staging)?;
         let mut regions = Vec::with_capacity(resolution.pixels());
@@ -289,7 +274,7 @@ impl Tracer {
             let first_pixel = regions.len() as u32;
             let pixels = capacity.min(total - u64::from(first_pixel));
             let parameters = Parameters { first_pixel, paths: pixels as u32, ..template.parameters };
-            let view = output.run(&self.gpu, &kernel, &parameters, pixels * 4)?;
+            let view = output.run(&self.gpu, &parameters, pixels * 4)?;
             let seen: &[u32] = bytemuck::cast_slice(&view);
             regions.extend(seen.iter().map(|&region| (region != NONE).then_some(region)));
             drop(view);

@@ -5,18 +5,15 @@
 //! | `report.html` | [`html`], with plots from [`plot`] and [`scatter`] |
 //! | colours of values and of groups | [`colormap`], [`palette`] |
 //! | contact sheet of all photos of a run | [`contact_sheet`] |
-//! | the arrays, pictures and page of one command | [`probing`], [`solution`], [`audit`], [`calibration`] |
-//! | pictures for setting up a rig | [`preview`], [`alignment`] |
+//! | the arrays, pictures and page of one command | [`probing`], [`solution`], [`audit`] |
 //! | live images in an external viewer | [`viewer`] |
 //! | a page over many runs | [`index`] |
 //! | scripts of pages | [`web`] |
 //!
 //! Files are written through [`crate::io`].
 
-pub mod alignment;
 pub mod audit;
 mod axis;
-pub mod calibration;
 pub mod colormap;
 pub mod contact_sheet;
 pub mod content;
@@ -26,7 +23,6 @@ pub mod index;
 pub mod palette;
 pub(crate) mod planes;
 pub mod plot;
-pub mod preview;
 pub mod probing;
 pub(crate) mod residuals;
 pub mod run;

@@ -26,35 +26,19 @@ use glam::{DVec3, Vec3};
 use serde::Deserialize;
 
 use super::camera::{Posed, tan_half};
-use super::place::Place;
 use super::triangle::MAX_COORDINATE;
 use super::{Camera, Lens, LoadOptions};
 use crate::error::{Error, Result};
 use crate::file;
 use crate::image::Resolution;
 
-pub(super) struct CameraPair {
-    pub camera: Posed,
-    /// `None` in a coaxial rig, where the projector has the camera's geometry.
-    pub projector: Option<Posed>,
-    pub projector_resolution: Option<Resolution>,
-}
-
-impl CameraPair {
-    /// Camera and projector in the coordinates of a scene at `place`. A projector that coincides with the camera is dropped (coaxial rig).
-    pub(super) fn at(self, place: &Place) -> (Camera, Option<Camera>) {
-        let camera = self.camera.around(place.origin);
-        let projector = self.projector.map(|projector| projector.around(place.origin));
-        let projector = projector.filter(|projector| !projector.coincides(&camera, place.distance() as f32));
-        (camera, projector)
-    }
-}
-
+/// The cameras that the files of a scene state.
 #[derive(Default)]
-pub(super) struct CameraFile {
-    /// The file's bytes, which enter the scene's hash.
+pub(super) struct Cameras {
+    /// The bytes of the camera file, which enter the scene's hash.
     pub bytes: Vec<u8>,
     pub camera: Option<Posed>,
+    /// `None` in a coaxial rig, where the projector has the camera's geometry.
     pub projector: Option<Posed>,
     pub projector_resolution: Option<Resolution>,
 }
@@ -80,7 +64,7 @@ struct View {
 }
 
 /// The camera file of a scene: the file that the options name, or the file next to the scene.
-pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<CameraFile>> {
+pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<Cameras>> {
     if let Some(path) = options.camera_file {
         let file = read(path)?;
         if file.camera.is_some() && options.camera.is_some() {
@@ -100,7 +84,7 @@ pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<Cam
     read(&neighbour).map(Some)
 }
 
-fn read(path: &Path) -> Result<CameraFile> {
+fn read(path: &Path) -> Result<Cameras> {
     let bytes = file::read(path)?;
     let text = std::str::from_utf8(&bytes)
         .map_err(|_| Error::scene(path, "not UTF-8 text").help("give a camera file in TOML"))?;
@@ -110,77 +94,70 @@ fn read(path: &Path) -> Result<CameraFile> {
              vertical_fov_degrees, aperture_radius and focus_distance; the projector also resolution",
         )
     })?;
-    let reader = Reader { path };
-    let (camera, resolution) = reader.view("camera", tables.camera)?;
+    let view = |table, view: Option<View>| match view {
+        Some(view) => view.posed(path, table).map(|(camera, resolution)| (Some(camera), resolution)),
+        None => Ok((None, None)),
+    };
+    let (camera, resolution) = view("camera", tables.camera)?;
     if resolution.is_some() {
         return Err(
             Error::scene(path, "[camera] has a resolution").help("give the camera's resolution by --size")
         );
     }
-    let (projector, projector_resolution) = reader.view("projector", tables.projector)?;
-    Ok(CameraFile { bytes, camera, projector, projector_resolution })
+    let (projector, projector_resolution) = view("projector", tables.projector)?;
+    Ok(Cameras { bytes, camera, projector, projector_resolution })
 }
 
-/// Converts tables to cameras. Its errors name the file and the table.
-struct Reader<'a> {
-    path: &'a Path,
-}
-
-impl Reader<'_> {
-    fn fault(&self, table: &str, what: &str) -> Error {
-        Error::scene(self.path, format!("[{table}] {what}"))
-    }
-
-    /// The camera that a table describes, and the resolution that it states.
-    fn view(&self, table: &str, view: Option<View>) -> Result<(Option<Posed>, Option<Resolution>)> {
-        let Some(view) = view else { return Ok((None, None)) };
-        let [right, up, forward] = self.axes(table, &view)?;
-        let position = DVec3::from_array(view.position);
+impl View {
+    /// The camera that a table describes, and the resolution that it states. Errors name the file and the table.
+    fn posed(self, path: &Path, table: &str) -> Result<(Posed, Option<Resolution>)> {
+        let fault = |what: String| Error::scene(path, format!("[{table}] {what}"));
+        let [right, up, forward] = self.axes(fault)?;
+        let position = DVec3::from_array(self.position);
         if position.abs().max_element() > f64::from(MAX_COORDINATE) || !position.is_finite() {
             let what = format!("stands more than {MAX_COORDINATE:e} m from the origin");
-            return Err(self.fault(table, &what).help("lengths are metres"));
+            return Err(fault(what).help("lengths are metres"));
         }
-        let field = view.vertical_fov_degrees;
+        let field = self.vertical_fov_degrees;
         let Some(tan_half_fov) = tan_half(field.to_radians()) else {
-            return Err(self
-                .fault(table, &format!("has a vertical_fov_degrees of {field}"))
-                .help("it must lie between 0 and 180"));
+            return Err(
+                fault(format!("has a vertical_fov_degrees of {field}")).help("it must lie between 0 and 180")
+            );
         };
-        let lens = Lens::checked(view.aperture_radius, view.focus_distance)
-            .map_err(|what| self.fault(table, &what).help(Lens::HELP))?;
-        let resolution = match view.resolution {
+        let lens = Lens::checked(self.aperture_radius, self.focus_distance)
+            .map_err(|what| fault(what).help(Lens::HELP))?;
+        let resolution = match self.resolution {
             None => None,
             Some([width @ 1..=16384, height @ 1..=16384]) => Some(Resolution::new(width, height)),
             Some([width, height]) => {
                 let what = format!("has a resolution of {width}x{height}");
-                return Err(self.fault(table, &what).help("give 1 to 16384 pixels a side"));
+                return Err(fault(what).help("give 1 to 16384 pixels a side"));
             }
         };
         let (name, anywhere) = (table.into(), Vec3::ZERO);
         let camera =
             Camera { name, position: anywhere, right, up, forward, tan_half_fov, aspect: None, lens };
-        Ok((Some(Posed { camera, position }), resolution))
+        Ok((Posed { camera, position }, resolution))
     }
 
     /// Right, up and forward as an orthonormal frame.
-    fn axes(&self, table: &str, view: &View) -> Result<[Vec3; 3]> {
-        let forward = match (view.look_at, view.forward) {
-            (Some(point), None) => DVec3::from_array(point) - DVec3::from_array(view.position),
+    fn axes(&self, fault: impl Fn(String) -> Error) -> Result<[Vec3; 3]> {
+        let forward = match (self.look_at, self.forward) {
+            (Some(point), None) => DVec3::from_array(point) - DVec3::from_array(self.position),
             (None, Some(forward)) => DVec3::from_array(forward),
             _ => {
                 let help = "give either the point that it looks at, or the direction";
-                return Err(self.fault(table, "needs either look_at or forward").help(help));
+                return Err(fault("needs either look_at or forward".into()).help(help));
             }
         };
-        let up = view.up.map_or(DVec3::Y, DVec3::from_array);
+        let up = self.up.map_or(DVec3::Y, DVec3::from_array);
         let axes = forward.try_normalize().and_then(|forward| {
             let right = forward.cross(up.try_normalize()?);
             // If the two axes are closer to parallel than this, rounding decides the result.
             (right.length() > 1e-6).then(|| (right.normalize(), forward))
         });
         let Some((right, forward)) = axes else {
-            return Err(self
-                .fault(table, "has no direction of view, or one that is parallel to up")
+            return Err(fault("has no direction of view, or one that is parallel to up".into())
                 .help("give a direction that is not zero, and an up that is not parallel to it"));
         };
         // Adding zero turns −0 into 0.

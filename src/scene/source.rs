@@ -1,32 +1,138 @@
-//! Helpers of all scene loaders: errors about a file, files next to the scene, warnings, the content hash, and the decoding of pictures.
+//! The part that all scene loaders share: errors and warnings about a file, files next to the scene, the content hash, and the decoding of
+//! pictures.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use super::camera::Posed;
+use super::camera_file::Cameras;
+use super::place::Place;
+use super::{Camera, Material, Scene, Texture, Triangle};
 use crate::error::{Error, Result};
 use crate::file;
 use crate::image::codec::Format;
 
-pub(super) fn read_scene(path: &Path) -> Result<Vec<u8>> {
-    file::read(path).and_then(|bytes| not_a_pointer(path, bytes))
+/// A scene file that is being loaded, with what all loaders keep beside its content.
+pub(super) struct SceneFile {
+    pub path: PathBuf,
+    /// Whether missing pictures and texture coordinates are errors.
+    pub strict: bool,
+    pub hash: ContentHash,
+    /// The warnings in the order of their appearance.
+    pub warnings: Vec<String>,
+    /// The subjects and texts of the warnings so far.
+    warned: HashSet<String>,
+    pictures: Pictures,
 }
 
-/// Reads a file that the scene file `scene` refers to. `path` is already resolved. `what` names the object that refers to it (`buffer 0`).
-pub(super) fn read(scene: &Path, what: &str, path: &Path) -> Result<Vec<u8>> {
-    if is_missing(path) {
-        let fault = format!("no such file, but {what} of {} refers to it", scene.display());
-        let help = "a scene may be several files: put this one where the scene names it, or get the scene as one .glb";
-        return Err(Error::scene(path, fault).help(help));
+impl SceneFile {
+    /// Reads the file at `path`. Returns its bytes, too.
+    pub(super) fn read(path: &Path, strict: bool) -> Result<(Self, Vec<u8>)> {
+        let bytes = file::read(path).and_then(|bytes| not_a_pointer(path, bytes))?;
+        let (mut hash, warnings, warned, pictures): (ContentHash, _, _, _) = Default::default();
+        hash.add(&bytes);
+        Ok((Self { path: path.to_path_buf(), strict, hash, warnings, warned, pictures }, bytes))
     }
-    if std::fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
-        return Err(Error::scene(
-            path,
-            format!("not a file, but {what} of {} refers to it", scene.display()),
-        )
-        .help("correct the reference in the scene"));
+
+    pub(super) fn fault(&self, fault: impl Into<String>) -> Error {
+        Error::scene(&self.path, fault)
     }
-    file::read(path).and_then(|bytes| not_a_pointer(path, bytes))
+
+    /// Adds a warning unless there is already one about `subject`.
+    pub(super) fn warn_once(&mut self, subject: &str, warning: impl Into<String>) {
+        if self.warned.insert(subject.into()) {
+            self.warnings.push(warning.into());
+        }
+    }
+
+    /// Adds a warning unless the same text is already there.
+    pub(super) fn warn(&mut self, warning: impl Into<String>) {
+        let warning = warning.into();
+        self.warn_once(&warning.clone(), warning);
+    }
+
+    /// Adds a warning with the fault, its consequence, and the remedy. In a strictly read scene, the fault is an error.
+    pub(super) fn tolerate(
+        &mut self,
+        fault: String,
+        consequence: &str,
+        help: impl Into<String>,
+    ) -> Result<()> {
+        let help = help.into();
+        if self.strict {
+            return Err(self.fault(fault).help(help));
+        }
+        self.warn(format!("{fault}: {consequence}; {help}"));
+        Ok(())
+    }
+
+    /// Reads a file that the scene refers to, and adds it to the hash. `path` is already resolved. `what` names the object that refers to
+    /// the file (`buffer 0`).
+    pub(super) fn read_other(&mut self, what: &str, path: &Path) -> Result<Vec<u8>> {
+        let scene = self.path.display();
+        if is_missing(path) {
+            let fault = format!("no such file, but {what} of {scene} refers to it");
+            let help = "a scene may be several files: put this one where the scene names it, or get the scene as one .glb";
+            return Err(Error::scene(path, fault).help(help));
+        }
+        if std::fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
+            return Err(Error::scene(path, format!("not a file, but {what} of {scene} refers to it"))
+                .help("correct the reference in the scene"));
+        }
+        let bytes = file::read(path).and_then(|bytes| not_a_pointer(path, bytes))?;
+        self.hash.add(&bytes);
+        Ok(bytes)
+    }
+
+    /// Resolves the path by which the scene refers to a file next to it. If the path belongs to another computer, it is the file of that name
+    /// next to the scene, unless the scene is strictly read. `Err` says why the path is not relative.
+    pub(super) fn resolve(&self, name: &str) -> std::result::Result<PathBuf, &'static str> {
+        let name = name.replace('\\', "/");
+        match next_to(&self.path, &name) {
+            Err(what) if !self.strict => same_name(&self.path, &name).ok_or(what),
+            found => found,
+        }
+    }
+
+    /// Decodes a picture of the scene; see [`Pictures::decode`].
+    pub(super) fn decode(&mut self, bytes: &[u8], name: Option<&Path>) -> std::result::Result<Texels, Fault> {
+        self.pictures.decode(bytes, name)
+    }
+
+    /// The scene with these surfaces, cameras and regions. If no file states a camera, it is placed in front of the surfaces. A projector that
+    /// coincides with the camera is dropped (coaxial rig).
+    pub(super) fn scene(
+        self,
+        place: &Place,
+        cameras: Cameras,
+        triangles: Vec<Triangle>,
+        (materials, textures): (Vec<Material>, Vec<Texture>),
+        (regions, regions_are_labels): (Vec<String>, bool),
+    ) -> Scene {
+        let Cameras { camera, projector, projector_resolution, .. } = cameras;
+        let placed = || {
+            let camera = Camera::in_front_of(&triangles, &materials);
+            Posed { position: place.origin + camera.position.as_dvec3(), camera }
+        };
+        let camera = camera.unwrap_or_else(placed).around(place.origin);
+        let projector = projector.map(|projector| projector.around(place.origin));
+        let projector = projector.filter(|projector| !projector.coincides(&camera, place.distance() as f32));
+        Scene {
+            path: self.path,
+            origin: place.origin,
+            triangles,
+            materials,
+            textures,
+            camera,
+            projector,
+            projector_resolution,
+            regions,
+            regions_are_labels,
+            hash: self.hash.finish(),
+            warnings: self.warnings,
+        }
+    }
 }
 
 /// Refuses a pointer file of Git LFS, which stands for a large file that was not fetched.
@@ -55,7 +161,7 @@ pub(super) fn text(bytes: &[u8]) -> Cow<'_, str> {
 }
 
 /// The file next to the scene with the same name as the path `elsewhere`, which may come from another computer.
-pub(super) fn same_name(scene: &Path, elsewhere: &str) -> Option<PathBuf> {
+fn same_name(scene: &Path, elsewhere: &str) -> Option<PathBuf> {
     let name = elsewhere.rsplit(['/', '\\']).next().filter(|name| !name.is_empty() && !name.contains(':'))?;
     next_to(scene, name).ok()
 }
@@ -74,30 +180,6 @@ pub(super) fn next_to(scene: &Path, relative: &str) -> std::result::Result<PathB
         return Err("an absolute path");
     }
     Ok(scene.parent().map(|folder| folder.join(relative)).unwrap_or_else(|| relative.into()))
-}
-
-/// The warnings of a loader, each at most once, in the order of their appearance.
-#[derive(Default)]
-pub(super) struct Warnings {
-    pub list: Vec<String>,
-    seen: HashSet<String>,
-}
-
-impl Warnings {
-    /// Adds `warning` unless there is already one about `subject`.
-    pub(super) fn add_once(&mut self, subject: &str, warning: impl Into<String>) {
-        if self.seen.insert(subject.into()) {
-            self.list.push(warning.into());
-        }
-    }
-
-    /// Adds `warning` unless the same text is already there.
-    pub(super) fn add(&mut self, warning: impl Into<String>) {
-        let warning = warning.into();
-        if self.seen.insert(warning.clone()) {
-            self.list.push(warning);
-        }
-    }
 }
 
 /// A BLAKE3 hash of a sequence of byte strings. Each is preceded by its length, so that other boundaries give another hash.
@@ -176,13 +258,13 @@ fn other_format(bytes: &[u8]) -> Fault {
 
 /// The decoder of one scene's pictures. It counts the texels of all of them.
 #[derive(Default)]
-pub(super) struct Pictures {
+struct Pictures {
     texels: u64,
 }
 
 impl Pictures {
     /// Decodes a PNG, JPEG, WebP, BMP, GIF or TGA file, or the first picture of an animation. TGA is recognized only by its `name`.
-    pub(super) fn decode(&mut self, bytes: &[u8], name: Option<&Path>) -> std::result::Result<Texels, Fault> {
+    fn decode(&mut self, bytes: &[u8], name: Option<&Path>) -> std::result::Result<Texels, Fault> {
         let Some(format) = Format::of(bytes).or_else(|| Format::of_name(name?)) else {
             return Err(other_format(bytes));
         };

@@ -110,6 +110,11 @@ impl Team {
         })
     }
 
+    /// The team of this process alone.
+    pub fn alone() -> Arc<Self> {
+        Self::lead(Arc::new(threads(1).swap_remove(0)), Vec::new())
+    }
+
     /// The number of processes.
     pub fn size(&self) -> usize {
         self.comm.size()

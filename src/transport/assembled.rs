@@ -3,12 +3,7 @@
 
 use std::sync::Arc;
 
-use super::layer::{Bounces, Layer};
-use super::merging::{Combined, combine};
-use super::noise::{Estimates, Noise, relative};
-use super::share::Share;
-use super::squares::EntrySquares;
-use super::tiles::Tiles;
+use super::noise::Noise;
 use super::{
     Channels, GpuMatrix, MatrixOperator, Part, RigShape, Transport, TransportMatrix, from_planes, spread,
 };
@@ -47,40 +42,9 @@ pub fn assemble_layers(
     split: bool,
 ) -> Result<Assembled> {
     match channels {
-        Channels::Luma => run::<1>(tracer, settings, channels, split),
-        Channels::Rgb => run::<3>(tracer, settings, channels, split),
+        Channels::Luma => spread::assemble::<1>(tracer, settings, channels, split),
+        Channels::Rgb => spread::assemble::<3>(tracer, settings, channels, split),
     }
-}
-
-fn run<const C: usize>(
-    tracer: &mut Tracer,
-    settings: &TraceSettings,
-    channels: Channels,
-    split: bool,
-) -> Result<Assembled> {
-    if tracer.remote().is_some() {
-        return spread::assemble::<C>(tracer, settings, channels, split);
-    }
-    let all = tracer.start_pixels(settings);
-    let share = Share::<C>::trace(tracer, settings, &all, split, None)?;
-    whole(share, shape(tracer, settings), channels, split)
-}
-
-pub(super) fn whole<const C: usize>(
-    share: Share<C>,
-    rig: RigShape,
-    channels: Channels,
-    split: bool,
-) -> Result<Assembled> {
-    let Share { found, direct, ambient, has_halves, summary } = share;
-    let rows = 0..rig.camera.pixels();
-    let combined = combine(found, rig, rows.clone(), classes(split).len(), &direct);
-    let Combined { layers, rows: sums, squares } = combined;
-    let mut layers = of_classes(layers, split);
-    // A coaxial pinhole rig has no layer of one bounce, because its direct light is the diagonal.
-    layers.retain(|layer| layer.bounces() != Bounces::One || layer.nonzeros() > 0);
-    let matrix = TransportMatrix { rig, channels, direct: planes(&direct), layers, rows, spread: None };
-    finish(matrix, &ambient, has_halves.then_some((&sums, &squares)), summary)
 }
 
 pub(super) fn shape(tracer: &Tracer, settings: &TraceSettings) -> RigShape {
@@ -89,54 +53,6 @@ pub(super) fn shape(tracer: &Tracer, settings: &TraceSettings) -> RigShape {
         projector: tracer.projector_resolution(settings),
         symmetric: tracer.symmetric(settings),
     }
-}
-
-pub(super) fn classes(split: bool) -> &'static [Bounces] {
-    if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] }
-}
-
-pub(super) fn of_classes(tiles: Vec<Tiles>, split: bool) -> Vec<Layer> {
-    let layer = |(&bounces, tiles)| Layer::of_tiles(bounces, tiles);
-    classes(split).iter().zip(tiles).map(layer).collect()
-}
-
-/// The diagonal, `[channel][pixel]`.
-pub(super) fn planes<const C: usize>(direct: &[Estimates<C>]) -> Vec<Vec<f32>> {
-    let plane = |channel: usize| direct.iter().map(|estimate| estimate[channel][0] as f32).collect();
-    (0..C).map(plane).collect()
-}
-
-/// The traced scene from its matrix and ambient light. `sums` has the sums over all rows and entries, if the noise is known.
-pub(super) fn finish<const C: usize>(
-    matrix: TransportMatrix,
-    ambient: &[Estimates<C>],
-    sums: Option<(&Vec<Estimates<C>>, &EntrySquares)>,
-    summary: TraceSummary,
-) -> Result<Assembled> {
-    let camera = matrix.rig.camera;
-    let ambient = image::<C>(camera, |pixel, channel| ambient[pixel][channel][0])?;
-    let noise = sums.map(|(rows, squares)| noise(camera, rows, squares)).transpose()?;
-    Ok(Assembled { matrix, ambient, noise, summary, gpu_matrix: None })
-}
-
-fn noise<const C: usize>(camera: Resolution, rows: &[Estimates<C>], squares: &EntrySquares) -> Result<Noise> {
-    let sum = |of: usize| {
-        let of_row = |row: &Estimates<C>| row.iter().map(|value| value[of] * value[of]).sum::<f64>();
-        rows.iter().map(of_row).sum::<f64>()
-    };
-    let of_entries = |[mean, error]: [f64; 2]| relative(error, mean);
-    Ok(Noise {
-        white: image::<C>(camera, |pixel, channel| rows[pixel][channel][1].abs())?,
-        white_relative: relative(sum(1), sum(0)),
-        operator: of_entries(squares.whole()),
-        global: of_entries(squares.global()),
-    })
-}
-
-fn image<const C: usize>(resolution: Resolution, value: impl Fn(usize, usize) -> f64) -> Result<Image> {
-    let plane = |channel| (0..resolution.pixels()).map(|pixel| value(pixel, channel)).collect();
-    let planes: Vec<Vec<f64>> = (0..C).map(plane).collect();
-    from_planes(resolution, &planes)
 }
 
 /// A traced scene as a rig that several may share. It is linear, so patterns may be signed and of any magnitude.

@@ -196,7 +196,8 @@ impl Retraced<'_> {
             // Each sum belongs to one task, which adds to it in path order.
             let shares = sums.of(contributions.halves()).shares(rayon::current_num_threads());
             shares.into_par_iter().for_each(|mut share| {
-                contributions.entries(|run, [row, column], value| {
+                contributions.entries(|run, row, column, &[value]| {
+                    let (Some(column), value) = (column, f64::from(value)) else { return };
                     if let Some(products) = share.products.at(row) {
                         for (product, light) in products[run.half].iter_mut().zip(&lit[column]) {
                             *product += value * light;
@@ -231,10 +232,6 @@ impl<'a> EstimatedOperator<'a> {
 
 impl Operator for EstimatedOperator<'_> {
     delegate!(operator: rows, cols, symmetry);
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.apply_block(&[x], &mut [y])
-    }
 
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         let RetracedOperator { retraced, part, channel } = &mut self.operator;

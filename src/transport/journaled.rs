@@ -181,10 +181,6 @@ impl Operator for JournaledOperator<'_> {
         self.shape.1
     }
 
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.block(Direction::Forward, &[x], &mut [y])
-    }
-
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.block(Direction::Forward, xs, ys)
     }
@@ -202,10 +198,6 @@ impl Operator for JournaledOperator<'_> {
 }
 
 impl Adjoint for JournaledOperator<'_> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.block(Direction::Adjoint, &[y], &mut [x])
-    }
-
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         self.block(Direction::Adjoint, ys, xs)
     }

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -63,7 +64,7 @@ pub struct TransportMatrix {
     pub(crate) layers: Vec<Layer>,
     /// The rows that this process and its layers hold: all rows, unless the matrix is spread over several processes.
     pub(super) rows: Range<usize>,
-    pub(super) spread: Option<Spread>,
+    pub(super) spread: Option<Arc<Spread>>,
 }
 
 /// Two matrices are equal if their entries are equal to the last bit. Both must be whole, or have the same rows.
@@ -101,20 +102,20 @@ impl TransportMatrix {
 
     /// The number of stored entries, without the diagonal.
     pub fn nonzeros(&self) -> usize {
-        let elsewhere = self.spread.as_ref().map_or(0, Spread::nonzeros);
+        let elsewhere = self.spread.as_ref().map_or(0, |spread| spread.nonzeros);
         self.layers.iter().map(Layer::nonzeros).sum::<usize>() + elsewhere
     }
 
     /// The size of the matrix in memory in bytes, summed over all processes that hold a part of it.
     pub fn bytes(&self) -> usize {
         let direct = self.direct.iter().map(|plane| 4 * plane.len()).sum::<usize>();
-        let elsewhere = self.spread.as_ref().map_or(0, Spread::bytes);
+        let elsewhere = self.spread.as_ref().map_or(0, |spread| spread.bytes);
         self.layers.iter().map(Layer::bytes).sum::<usize>() + direct + elsewhere
     }
 
     /// The number of processes that hold a part of the matrix.
     pub fn processes(&self) -> usize {
-        self.spread.as_ref().map_or(1, Spread::processes)
+        self.spread.as_ref().map_or(1, |spread| spread.pixels.len())
     }
 
     /// The diagonal of `channel`: direct light that returns to its own pixel through a pinhole. It has `n` values, or none if not coaxial.
@@ -307,10 +308,6 @@ impl Operator for MatrixOperator<'_> {
         self.matrix.rig.symmetry()
     }
 
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.block(Direction::Forward, &[x], &mut [y])
-    }
-
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.block(Direction::Forward, xs, ys)
     }
@@ -325,10 +322,6 @@ impl Operator for MatrixOperator<'_> {
 }
 
 impl Adjoint for MatrixOperator<'_> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.block(Direction::Adjoint, &[y], &mut [x])
-    }
-
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         self.block(Direction::Adjoint, ys, xs)
     }

@@ -13,73 +13,11 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::RigShape;
-use super::chunk::{CLASSES, Key, Term};
-use super::noise::Estimates;
-use super::row_sums::{Outline, Scale, outline, with_direct};
-use super::share::Found;
+use super::contributions::{Key, Term};
+use super::noise::{EntrySquares, Estimates};
 use super::spread::Steps;
-use super::squares::EntrySquares;
-use super::tiles::{Builder, CompressedRows, Pieces, Tiles, take};
+use super::tiles::{CompressedRows, take};
 use super::transpose::Sources;
-
-/// The sparse part of the matrix, with the sums that determine its noise.
-pub(super) struct Combined<const C: usize> {
-    /// One layer for each class: first one bounce, then the others.
-    pub(super) layers: Vec<Tiles>,
-    pub(super) rows: Vec<Estimates<C>>,
-    /// The squares of all entries. For a symmetric matrix, entries above the diagonal count twice instead of those below.
-    pub(super) squares: EntrySquares,
-}
-
-/// Merges the contributions to these `rows` of `classes` layers. `direct` is the diagonal, with mean and error for each row and channel, or
-/// empty. `found` must hold all contributions to these rows by ascending start pixel, with the camera's paths first.
-pub(super) fn combine<const C: usize>(
-    found: Found<C>,
-    rig: RigShape,
-    rows: Range<usize>,
-    classes: usize,
-    direct: &[Estimates<C>],
-) -> Combined<C> {
-    let pixels = rig.camera.pixels();
-    let triangle = rig.symmetric && rows == (0..pixels);
-    let scale = Scale::new(found.about.largest);
-    let chunks = found.into_chunks();
-    let outline = outline(&chunks.iter().collect::<Vec<_>>(), rig, &rows, triangle, scale);
-    let Outline { sums, terms, of_class } = outline;
-    let sums = with_direct(scale, &sums, direct);
-    let sources = Sources::new(chunks, rig, &rows, triangle);
-    let pairs = if rig.symmetric { Pairs::Triangle } else { Pairs::Apart };
-    let mut merging = Merging::new(sources, pairs, rows.start, terms, direct);
-    let mut layers = builders::<C>(of_class, rig, rows.len(), classes, triangle);
-    // All layers take the same rows.
-    while let Some(group) = layers.iter().find_map(Builder::next_rows) {
-        let pieces = merging.pieces(&group, classes);
-        if triangle {
-            merging.sources.release_before(group.end);
-        }
-        for (layer, pieces) in layers.iter_mut().zip(pieces) {
-            layer.push(Pieces::new(group.start, pieces));
-        }
-    }
-    let layers = layers.into_iter().map(Builder::finish).collect();
-    Combined { layers, rows: sums, squares: merging.squares }
-}
-
-/// Builders for the tiles of each layer, without rows yet. `of_class` counts the merged contributions of each class.
-pub(super) fn builders<const C: usize>(
-    of_class: [usize; CLASSES],
-    rig: RigShape,
-    rows: usize,
-    classes: usize,
-    triangle: bool,
-) -> Vec<Builder> {
-    let builder = |&entries: &usize| {
-        let entries = if triangle { 2 * entries } else { entries };
-        Builder::new([rows, rig.projector.pixels()], C, entries, triangle)
-    };
-    of_class[..classes].iter().map(builder).collect()
-}
 
 /// The approximate number of contributions in one block, unless that makes too many blocks.
 const BLOCK: usize = 1 << 21;
@@ -94,11 +32,11 @@ pub(super) struct Merging<'a, const C: usize> {
     pub(super) sources: Sources<C>,
     pairs: Pairs<'a>,
     first: usize,
-    /// The number of contributions to each row, and the diagonal of [`combine`].
+    /// The number of contributions to each row.
     terms: Vec<u32>,
+    /// The diagonal of these rows, with mean and error for each channel, or empty.
     direct: &'a [Estimates<C>],
     pub(super) squares: EntrySquares,
-    most: usize,
 }
 
 /// How often the square of an entry is counted. Over the whole matrix, each entry and its mirror image count once.
@@ -106,62 +44,42 @@ pub(super) struct Merging<'a, const C: usize> {
 pub(super) enum Pairs<'a> {
     /// The matrix is not symmetric.
     Apart,
-    /// An entry above the diagonal counts twice, for itself and for its mirror image.
-    Triangle,
-    /// Several processes merge the rows of this step from the columns of this step and of later ones. Entries in columns of later steps
-    /// count twice, because the rows of later steps are not merged with the columns of this step.
+    /// The rows of this step are merged from the columns of this step and of later ones. Entries in columns of later steps count twice,
+    /// because the rows of later steps are not merged with the columns of this step. In a single step, those above the diagonal count twice.
     Step(&'a Steps, usize),
 }
 
 impl Pairs<'_> {
     #[inline]
     fn times(self, row: u32, column: u32) -> f64 {
-        let is_counted_twice = match (self, column.cmp(&row)) {
-            (Self::Apart, _) | (_, Ordering::Equal) => return 1.0,
-            (_, Ordering::Greater) => true,
-            (Self::Triangle, Ordering::Less) => false,
-            (Self::Step(steps, now), Ordering::Less) => steps.of_pixel(column as usize) > now,
-        };
-        if is_counted_twice { 2.0 } else { 0.0 }
+        match (self, column.cmp(&row)) {
+            (Self::Apart, _) | (_, Ordering::Equal) => 1.0,
+            (_, Ordering::Greater) => 2.0,
+            (Self::Step(steps, now), Ordering::Less) if steps.of_pixel(column as usize) > now => 2.0,
+            (Self::Step(..), Ordering::Less) => 0.0,
+        }
     }
 }
 
 impl<'a, const C: usize> Merging<'a, C> {
-    /// Starts at the row of the pixel `first`. `terms` is the number of contributions to each row.
+    /// Starts at the row of the pixel `first`.
     pub(super) fn new(
         sources: Sources<C>,
         pairs: Pairs<'a>,
         first: usize,
-        terms: Vec<u32>,
         direct: &'a [Estimates<C>],
     ) -> Self {
-        let all: usize = terms.iter().map(|&terms| terms as usize).sum();
-        let most = BLOCK.max(all / MOST_BLOCKS);
-        Self { sources, pairs, first, terms, direct, squares: EntrySquares::default(), most }
+        let terms = sources.counts(first);
+        Self { sources, pairs, first, terms, direct, squares: EntrySquares::default() }
     }
 
     pub(super) fn pieces(&mut self, rows: &Range<usize>, classes: usize) -> Vec<Vec<CompressedRows>> {
         let mut pieces: Vec<Vec<CompressedRows>> = vec![Vec::new(); classes];
-        for block in self.blocks(rows) {
+        for block in blocks(&self.terms, rows) {
             let merged = self.merge(block, classes);
             pieces.iter_mut().zip(merged).for_each(|(pieces, piece)| pieces.push(piece));
         }
         pieces
-    }
-
-    fn blocks(&self, rows: &Range<usize>) -> Vec<Range<usize>> {
-        let mut blocks = Vec::new();
-        let (mut first, mut held) = (rows.start, 0);
-        for row in rows.clone() {
-            let terms = self.terms[row] as usize;
-            if row > first && held + terms > self.most {
-                blocks.push(first..row);
-                (first, held) = (row, 0);
-            }
-            held += terms;
-        }
-        blocks.push(first..rows.end);
-        blocks
     }
 
     /// Merges these rows of the contributions and of their transpose to rows of each layer. Calls must follow the order of the rows.
@@ -192,6 +110,23 @@ impl<'a, const C: usize> Merging<'a, C> {
         }
         parts.into_iter().map(joined::<C>).collect()
     }
+}
+
+/// These rows in blocks of whole rows that are as full as possible. `terms` is the number of contributions to each row of the matrix.
+fn blocks(terms: &[u32], rows: &Range<usize>) -> Vec<Range<usize>> {
+    let most = BLOCK.max(terms.iter().map(|&terms| terms as usize).sum::<usize>() / MOST_BLOCKS);
+    let mut blocks = Vec::new();
+    let (mut first, mut held) = (rows.start, 0);
+    for row in rows.clone() {
+        let terms = terms[row] as usize;
+        if row > first && held + terms > most {
+            blocks.push(first..row);
+            (first, held) = (row, 0);
+        }
+        held += terms;
+    }
+    blocks.push(first..rows.end);
+    blocks
 }
 
 /// Joins the rows of several tasks into one piece. Its arrays are long, so the system gets their memory back when they are freed.
@@ -332,16 +267,12 @@ fn add<const C: usize>(to: &mut Estimates<C>, more: &Estimates<C>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::transport::RigShape;
 
     /// Blocks follow one another and are as full as possible. A row with more contributions than a block may have is its own block.
     #[test]
     fn blocks_are_full_and_cover_all_rows() {
-        let size = crate::image::Resolution::new(1, 1);
-        let rig = RigShape { camera: size, projector: size, symmetric: false };
-        let blocks = |terms: &[u32], rows: Range<usize>| {
-            let sources = Sources::<1>::new(Vec::new(), rig, &(0..0), false);
-            Merging::new(sources, Pairs::Apart, 0, terms.to_vec(), &[]).blocks(&rows)
-        };
+        let blocks = |terms: &[u32], rows: Range<usize>| blocks(terms, &rows);
         let half = (BLOCK / 2) as u32;
         assert_eq!(blocks(&[half, half, 1, half, half - 1, half, 2], 0..7), [0..2, 2..5, 5..7]);
         assert_eq!(blocks(&[half, half, 1, half, half - 1, half, 2], 1..4), [1..3, 3..4]);
@@ -356,9 +287,9 @@ mod tests {
     fn an_entry_above_the_diagonal_counts_for_its_mirror_image() {
         let times = |pairs: Pairs<'_>| [(3, 3), (3, 4), (4, 3)].map(|(row, column)| pairs.times(row, column));
         assert_eq!(times(Pairs::Apart), [1.0; 3]);
-        assert_eq!(times(Pairs::Triangle), [1.0, 2.0, 0.0]);
         let size = crate::image::Resolution::new(8, 1);
         let rig = RigShape { camera: size, projector: size, symmetric: true };
+        assert_eq!(times(Pairs::Step(&Steps::one(rig), 0)), [1.0, 2.0, 0.0]);
         // The pixels 0, 1, 4 and 5 are merged in the first step.
         let steps = Steps::new(rig, vec![vec![0..2, 2..4], vec![4..6, 6..8]]);
         let of_step = |step, row, column| Pairs::Step(&steps, step).times(row, column);

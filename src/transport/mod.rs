@@ -15,24 +15,20 @@
 //! part ([`share_scene`]).
 
 mod assembled;
-mod chunk;
+mod contributions;
 mod estimated;
-mod explicit;
 mod gpu_matrix;
 mod journaled;
 mod layer;
 mod matrix;
 mod merging;
 mod noise;
-mod pilot;
 mod retraced;
 mod row_sums;
 mod rows;
 mod scaling;
 mod shard;
-mod share;
 mod spread;
-mod squares;
 #[cfg(test)]
 mod tests;
 mod tiles;
@@ -41,15 +37,13 @@ mod wire;
 
 pub use assembled::{Assembled, Backend, assemble, assemble_layers};
 pub use estimated::{EstimatedOperator, EstimatedProduct, Question, Squares, with_other_seed};
-pub use explicit::ExplicitMatrix;
 pub use gpu_matrix::GpuMatrix;
 pub use journaled::JournaledOperator;
 pub use layer::{Bounces, Layer};
 pub use matrix::{MatrixOperator, Part, TransportMatrix};
 pub use noise::{Noise, pooled};
-pub use pilot::{Prediction, photo_bytes, predict};
 pub use retraced::{Retraced, RetracedOperator};
-pub use scaling::{Network, Probe, Scaled};
+pub use scaling::{Network, Prediction, Probe, Scaled, photo_bytes, predict};
 pub use shard::{MOST_PARTS, Shard, ShardRecord, join_shards, trace_shard};
 pub use spread::{SceneWorker, share_scene};
 pub(crate) use tiles::{CompressedRows, Entries};
@@ -57,6 +51,7 @@ pub(crate) use tiles::{CompressedRows, Entries};
 use crate::error::{Error, Result};
 use crate::image::{Image, LUMINANCE, Resolution};
 use crate::operator::Symmetry;
+use crate::sparse::Csr;
 
 /// A scene in front of a rig: a pattern is projected, and a photo is taken.
 pub trait Transport {
@@ -74,6 +69,78 @@ pub trait Transport {
     /// # Errors
     /// [`Error::Dimension`] when the pattern does not have the rig's resolution or channels; any error that prevents the photo.
     fn photograph(&mut self, pattern: &Image) -> Result<Image>;
+}
+
+/// An explicit matrix (from a file, or made by the caller) as a rig of one channel. Photo and pattern have the same number
+/// of pixels. There is no ambient light.
+#[derive(Clone, Debug)]
+pub struct ExplicitMatrix {
+    matrix: Csr,
+    resolution: Resolution,
+}
+
+impl ExplicitMatrix {
+    /// A rig for `matrix`, which must have a row and a column for each pixel. Another shape gives [`Error::Dimension`].
+    pub fn new(matrix: Csr, resolution: Resolution) -> Result<Self> {
+        let pixels = resolution.pixels();
+        if (matrix.rows(), matrix.cols()) != (pixels, pixels) {
+            return Err(Error::dimension(
+                "rows and columns of the light transport matrix",
+                format!("{pixels} each, for {resolution} pixels,"),
+                format!("{}x{}", matrix.rows(), matrix.cols()),
+            ));
+        }
+        Ok(Self { matrix, resolution })
+    }
+
+    /// The matrix.
+    pub fn matrix(&self) -> &Csr {
+        &self.matrix
+    }
+
+    /// One part of a square matrix. Its diagonal is the direct light, as for a coaxial rig, and all else is the global
+    /// light. A well-formed matrix causes no error.
+    pub fn part_of(matrix: &Csr, part: Part) -> Result<Csr> {
+        if part == Part::Full {
+            return Ok(matrix.clone());
+        }
+        let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
+        for row in 0..matrix.rows() {
+            let (of_row, values) = matrix.row(row);
+            for (&column, &weight) in of_row.iter().zip(values) {
+                if (column as usize == row) == (part == Part::Direct) {
+                    columns.push(column);
+                    weights.push(weight);
+                }
+            }
+            row_start.push(columns.len());
+        }
+        Csr::new(matrix.cols(), row_start, columns, weights)
+    }
+}
+
+impl Transport for ExplicitMatrix {
+    fn pattern_resolution(&self) -> Resolution {
+        self.resolution
+    }
+
+    fn photo_resolution(&self) -> Resolution {
+        self.resolution
+    }
+
+    fn channels(&self) -> Channels {
+        Channels::Luma
+    }
+
+    fn photograph(&mut self, pattern: &Image) -> Result<Image> {
+        let planes = planes(pattern, self.resolution, Channels::Luma)?;
+        let pattern = &planes[0];
+        let row = |row| {
+            let (columns, weights) = self.matrix.row(row);
+            columns.iter().zip(weights).map(|(&column, weight)| weight * pattern[column as usize]).sum()
+        };
+        from_planes(self.resolution, &[(0..self.matrix.rows()).map(row).collect()])
+    }
 }
 
 /// The shape of a rig's matrix.

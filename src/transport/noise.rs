@@ -97,6 +97,160 @@ pub(super) fn relative(error_squares: f64, value_squares: f64) -> f64 {
     if error_squares == 0.0 { 0.0 } else { (error_squares / value_squares).sqrt() }
 }
 
+/// The sums of the squares of values and errors over all entries of the matrix, including the diagonal. The order of the entries does not
+/// affect the bits, so each process and each thread adds the entries that it merges.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct EntrySquares {
+    /// The sums over the entries without light of one bounce: nearly all entries.
+    indirect: [ExactSum; 2],
+    /// The sums over the entries with light of one bounce: first of all their light, then of their light of two or more bounces.
+    direct: [ExactSum; 2],
+    beside_direct: [ExactSum; 2],
+}
+
+impl EntrySquares {
+    /// The length of the sums in a message, in words.
+    pub(super) const WORDS: usize = 6 * ExactSum::WORDS;
+
+    /// Adds the squares of the values and errors of one entry without light of one bounce, `times` times.
+    #[inline]
+    pub(super) fn add_indirect<const C: usize>(&mut self, times: f64, entry: &Estimates<C>) {
+        add(&mut self.indirect, times, entry);
+    }
+
+    /// Adds the squares of an entry with light of one bounce: of all its light, and of its light of two or more bounces.
+    pub(super) fn add_direct<const C: usize>(
+        &mut self,
+        times: f64,
+        whole: &Estimates<C>,
+        global: &Estimates<C>,
+    ) {
+        add(&mut self.direct, times, whole);
+        add(&mut self.beside_direct, times, global);
+    }
+
+    pub(super) fn add_all(&mut self, other: &Self) {
+        self.sums_mut().zip(other.sums()).for_each(|(sum, other)| sum.add_all(other));
+    }
+
+    /// The squares of the values and errors of all light.
+    pub(super) fn whole(&self) -> [f64; 2] {
+        [0, 1].map(|of| self.indirect[of].value() + self.direct[of].value())
+    }
+
+    /// The squares of the values and errors of light of two or more bounces.
+    pub(super) fn global(&self) -> [f64; 2] {
+        [0, 1].map(|of| self.indirect[of].value() + self.beside_direct[of].value())
+    }
+
+    pub(super) fn to_words(&self) -> Vec<u64> {
+        self.sums().flat_map(ExactSum::to_words).collect()
+    }
+
+    /// The sums of [`EntrySquares::to_words`]; `None` for other words.
+    pub(super) fn from_words(words: &[u64]) -> Option<Self> {
+        let mut squares = Self::default();
+        if words.len() != Self::WORDS {
+            return None;
+        }
+        for (sum, words) in squares.sums_mut().zip(words.chunks(ExactSum::WORDS)) {
+            *sum = ExactSum::from_words(words)?;
+        }
+        Some(squares)
+    }
+
+    fn sums(&self) -> impl Iterator<Item = &ExactSum> {
+        [&self.indirect, &self.direct, &self.beside_direct].into_iter().flatten()
+    }
+
+    fn sums_mut(&mut self) -> impl Iterator<Item = &mut ExactSum> {
+        [&mut self.indirect, &mut self.direct, &mut self.beside_direct].into_iter().flatten()
+    }
+}
+
+#[inline]
+fn add<const C: usize>(to: &mut [ExactSum; 2], times: f64, entry: &Estimates<C>) {
+    for [mean, error] in entry {
+        to[0].add(times * mean * mean);
+        to[1].add(times * error * error);
+    }
+}
+
+/// The number of exponents that one part of the sum covers.
+const PART: u32 = 32;
+
+/// A sum of nonnegative numbers without rounding. The order of the terms does not affect it, and sums of parts can be added. The parts may
+/// therefore come from any number of threads and processes.
+///
+/// A number is a multiple of a power of two, and is added to the part for its range of powers.
+#[derive(Clone, Debug, PartialEq)]
+struct ExactSum {
+    /// Multiples of `2^(32 part − 1075)`. A term adds less than 2⁸⁵, so 2⁴³ terms are possible.
+    parts: [u128; 64],
+    /// The sum of the infinite and NaN terms: zero, infinity or NaN.
+    beyond: f64,
+}
+
+impl Default for ExactSum {
+    fn default() -> Self {
+        Self { parts: [0; 64], beyond: 0.0 }
+    }
+}
+
+impl ExactSum {
+    const WORDS: usize = 129;
+
+    #[inline]
+    fn add(&mut self, term: f64) {
+        let bits = term.to_bits();
+        // The sign bit is 0, so these are the bits of the exponent.
+        let exponent = (bits >> 52) as u32;
+        if exponent >= 0x7ff {
+            self.beyond += term;
+            return;
+        }
+        let below = bits & ((1 << 52) - 1);
+        // Subnormal numbers have no leading bit, and share the exponent of the next larger numbers.
+        let whole = below | u64::from(exponent > 0) << 52;
+        let exponent = exponent.max(1);
+        let part = &mut self.parts[(exponent / PART) as usize];
+        *part = part.wrapping_add(u128::from(whole) << (exponent % PART));
+    }
+
+    fn add_all(&mut self, other: &Self) {
+        self.parts.iter_mut().zip(&other.parts).for_each(|(part, other)| *part += other);
+        self.beyond += other.beyond;
+    }
+
+    /// The sum as a number. Its parts are added in a fixed order.
+    fn value(&self) -> f64 {
+        let value = |(part, &whole): (usize, &u128)| {
+            let power = PART as i32 * part as i32 - 1075;
+            // For the first parts, the power of two alone is too small for an `f64`.
+            let [first, second] = if power < -500 { [power + 500, -500] } else { [power, 0] };
+            whole as f64 * 2_f64.powi(first) * 2_f64.powi(second)
+        };
+        self.parts.iter().enumerate().filter(|(_, whole)| **whole > 0).map(value).sum::<f64>() + self.beyond
+    }
+
+    fn to_words(&self) -> Vec<u64> {
+        let parts = self.parts.iter().flat_map(|&part| [part as u64, (part >> 64) as u64]);
+        parts.chain([self.beyond.to_bits()]).collect()
+    }
+
+    /// The sum of [`ExactSum::to_words`]; `None` for fewer words.
+    fn from_words(words: &[u64]) -> Option<Self> {
+        let (pairs, beyond) = words.as_chunks::<2>();
+        let mut sum = Self { beyond: f64::from_bits(*beyond.first()?), ..Self::default() };
+        if pairs.len() != sum.parts.len() {
+            return None;
+        }
+        let part = |&[low, high]: &[u64; 2]| u128::from(low) | u128::from(high) << 64;
+        sum.parts.iter_mut().zip(pairs).for_each(|(to, pair)| *to = part(pair));
+        Some(sum)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -130,5 +284,61 @@ mod tests {
         // Sums over four paths are divided by the camera's eight samples, so mean and error are half as large.
         let [mean, error] = estimate(Halves::new(8, 4), [&[1.0, 3.0], &[0.0, 0.0]]);
         assert_eq!([mean, error], [0.5, 0.5]);
+    }
+
+    #[test]
+    fn squares_of_direct_and_indirect_light_are_told_apart() {
+        let mut squares = EntrySquares::default();
+        squares.add_indirect(2.0, &[[3.0, 0.5], [1.0, 0.0]]);
+        squares.add_direct(1.0, &[[2.0, 0.25], [0.0, 0.0]], &[[1.0, 0.0], [0.0, 0.0]]);
+        assert_eq!(squares.whole(), [20.0 + 4.0, 0.5 + 0.0625]);
+        assert_eq!(squares.global(), [20.0 + 1.0, 0.5]);
+        assert_eq!(EntrySquares::from_words(&squares.to_words()), Some(squares.clone()));
+        assert_eq!(EntrySquares::from_words(&squares.to_words()[1..]), None);
+        let mut twice = squares.clone();
+        twice.add_all(&squares);
+        assert_eq!(twice.whole(), [48.0, 1.125]);
+    }
+
+    fn of(terms: impl IntoIterator<Item = f64>) -> ExactSum {
+        let mut sum = ExactSum::default();
+        terms.into_iter().for_each(|term| sum.add(term));
+        sum
+    }
+
+    #[test]
+    fn neither_order_nor_parts_change_a_sum() {
+        // The numbers differ by up to 2^80, so an `f64` sum depends on the order.
+        let term = |at: u64| {
+            let drawn = at.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            (drawn >> 11) as f64 * 2_f64.powi((drawn % 80) as i32 - 100)
+        };
+        let terms: Vec<f64> = (0..1000).map(term).collect();
+        let whole = of(terms.iter().copied());
+        assert_eq!(whole, of(terms.iter().rev().copied()));
+        let mut parts = of(terms[..300].iter().copied());
+        parts.add_all(&of(terms[300..].iter().copied()));
+        assert_eq!(whole, parts);
+        assert_eq!(ExactSum::from_words(&whole.to_words()), Some(whole.clone()));
+        assert_eq!(whole.to_words().len(), ExactSum::WORDS);
+        let sorted: f64 = {
+            let mut terms = terms.clone();
+            terms.sort_by(f64::total_cmp);
+            terms.iter().sum()
+        };
+        // The tolerance is a thousand roundings of the other sum.
+        assert!((whole.value() - sorted).abs() <= 1000.0 * f64::EPSILON * sorted);
+    }
+
+    #[test]
+    fn numbers_of_every_size_are_added() {
+        for term in [0.0, f64::MIN_POSITIVE / 8.0, f64::MIN_POSITIVE, 1e-200, 0.3, 1.0, 6e7, 1e300, f64::MAX]
+        {
+            assert_eq!(of([term]).value().to_bits(), term.to_bits(), "{term:e}");
+        }
+        assert_eq!(of([1.0; 7]).value(), 7.0);
+        assert_eq!(of([1.0, 2_f64.powi(-60)]).value(), 1.0, "rounded at the end");
+        assert_eq!(of([1.0, f64::INFINITY]).value(), f64::INFINITY);
+        assert!(of([1.0, f64::NAN]).value().is_nan());
     }
 }

@@ -164,10 +164,6 @@ impl Operator for RetracedOperator<'_> {
         shape(self.retraced.tracer, &self.retraced.settings).symmetry()
     }
 
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.block(Direction::Forward, &[x], &mut [y])
-    }
-
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.block(Direction::Forward, xs, ys)
     }
@@ -178,10 +174,6 @@ impl Operator for RetracedOperator<'_> {
 }
 
 impl Adjoint for RetracedOperator<'_> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.block(Direction::Adjoint, &[y], &mut [x])
-    }
-
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         self.block(Direction::Adjoint, ys, xs)
     }
@@ -245,54 +237,39 @@ impl<const C: usize> Contributions<C> {
 
     /// `seen += P lit`, channel by channel, for this batch's contributions to `P`.
     pub(super) fn add_to<T: Tally>(&self, seen: &mut [[T; C]], lit: &[[f64; C]]) {
+        let ambient = [1.0; C];
+        self.entries(|run, to, from, value| {
+            let light = from.map_or(&ambient, |from| &lit[from]);
+            for ((seen, &value), light) in seen[to].iter_mut().zip(value).zip(light) {
+                seen.add(self.halves, run.half, f64::from(value) * light);
+            }
+        });
+    }
+
+    /// Calls `entry` for each contribution with its run, the pixel that receives the light, the pixel that sends it, and the value. No pixel
+    /// sends ambient light.
+    pub(super) fn entries(&self, mut entry: impl FnMut(&Run, usize, Option<usize>, &[f32; C])) {
         for (run, found) in self.parts.iter().flat_map(Read::runs) {
             let start = run.pixel as usize;
-            let mut add = |to: usize, value: &[f32; C], light: &[f64; C]| {
-                for ((seen, &value), light) in seen[to].iter_mut().zip(value).zip(light) {
-                    seen.add(self.halves, run.half, f64::from(value) * light);
-                }
-            };
             for (other, value) in found {
                 let end = (other & PIXEL_MASK) as usize;
                 match other & !PIXEL_MASK {
-                    DIRECT => add(start, value, &lit[start]),
-                    AMBIENT => add(start, value, &[1.0; C]),
+                    DIRECT => entry(run, start, Some(start), value),
+                    AMBIENT => entry(run, start, None, value),
                     _ if self.symmetric => {
-                        add(start, value, &lit[end]);
+                        entry(run, start, Some(end), value);
                         // The reversed path has the same weight.
-                        add(end, value, &lit[start]);
+                        entry(run, end, Some(start), value);
                     }
-                    _ if self.from_seeing => add(start, value, &lit[end]),
-                    _ => add(end, value, &lit[start]),
+                    _ if self.from_seeing => entry(run, start, Some(end), value),
+                    _ => entry(run, end, Some(start), value),
                 }
             }
         }
     }
-}
 
-impl Contributions<1> {
     pub(super) fn halves(&self) -> Halves {
         self.halves
-    }
-
-    /// Calls `entry` for each contribution of these forward paths except ambient light, with its run, row and column, and value.
-    pub(super) fn entries(&self, mut entry: impl FnMut(&Run, [usize; 2], f64)) {
-        for (run, found) in self.parts.iter().flat_map(Read::runs) {
-            let start = run.pixel as usize;
-            for (other, [value]) in found {
-                let (end, value) = ((other & PIXEL_MASK) as usize, f64::from(*value));
-                match other & !PIXEL_MASK {
-                    DIRECT => entry(run, [start, start], value),
-                    AMBIENT => {}
-                    _ if self.symmetric => {
-                        entry(run, [start, end], value);
-                        entry(run, [end, start], value);
-                    }
-                    _ if self.from_seeing => entry(run, [start, end], value),
-                    _ => entry(run, [end, start], value),
-                }
-            }
-        }
     }
 }
 

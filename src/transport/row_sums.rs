@@ -1,11 +1,9 @@
-//! Sums over the rows of the matrix, which determine its noise, and the number of contributions to each row. Their order has no effect.
-
-use std::ops::Range;
+//! Sums over the rows of the matrix, which determine its noise. The order of their terms has no effect.
 
 use rayon::prelude::*;
 
 use super::RigShape;
-use super::chunk::{CLASSES, Chunk, Row, Term, at};
+use super::contributions::{Chunk, Row, Term};
 use super::noise::Estimates;
 
 /// The range of exponents, from the smallest to the largest, in which values are summed to the last bit. Smaller values lose bits that are
@@ -86,35 +84,25 @@ pub(super) fn with_direct<const C: usize>(
     sums
 }
 
-/// The sums over rows and the numbers of their contributions, before the contributions are merged.
-pub(super) struct Outline<const C: usize> {
-    /// Values and errors of each row, from all paths that start or end at its pixel, without the diagonal's direct light.
-    pub(super) sums: Vec<FixedSums<C>>,
-    pub(super) terms: Vec<u32>,
-    pub(super) of_class: [usize; CLASSES],
-}
-
 /// The sums of all tasks take at most a quarter of the memory of the contributions.
 const MEMORY_SHARE: usize = 4;
 
 /// The number of pixels in a stripe. The sums of one stripe are close together in memory.
 const STRIPE: usize = 1 << 14;
 
-/// The outline of these `rows` of the chunks. With `triangle`, only contributions on and above the diagonal are merged.
-pub(super) fn outline<const C: usize>(
+/// The values and errors of each row, from all paths of these chunks that start or end at its pixel, without the diagonal's direct light.
+pub(super) fn row_sums<const C: usize>(
     chunks: &[&Chunk<C>],
     rig: RigShape,
-    rows: &Range<usize>,
-    triangle: bool,
     scale: Scale,
-) -> Outline<C> {
+) -> Vec<FixedSums<C>> {
     let all: usize = chunks.iter().map(|chunk| chunk.terms.len()).sum();
     // Each task has sums of all rows. They are exact, so any division of the contributions among tasks gives the same result.
-    let of_task = rows.len().max(1) * (size_of::<FixedSums<C>>() + size_of::<u32>());
+    let of_task = rig.camera.pixels().max(1) * size_of::<FixedSums<C>>();
     let room = all * size_of::<Term<C>>() / (MEMORY_SHARE * of_task);
     let tasks = rayon::current_num_threads().min(room).max(1);
     let part = |task: usize| {
-        let mut part = Partial::new(rig, rows, triangle, scale);
+        let mut part = Partial { rig, scale, sums: vec![[[0; C]; 2]; rig.camera.pixels()] };
         let share = [all * task / tasks, all * (task + 1) / tasks];
         let mut left: Vec<(Row, &[Term<C>])> = Vec::new();
         let mut before = 0;
@@ -125,35 +113,24 @@ pub(super) fn outline<const C: usize>(
             before += chunk.terms.len();
         }
         part.add_all(left);
-        part
+        part.sums
     };
-    let parts: Vec<Partial<C>> = (0..tasks).into_par_iter().map(part).collect();
-    let of_row = |row: usize| {
-        let mut sums = [[0; C]; 2];
-        parts.iter().for_each(|part| add_sums(&mut sums, &part.sums[row]));
-        (sums, parts.iter().map(|part| part.terms[row]).sum::<u32>())
-    };
-    let (sums, terms) = (0..rows.len()).into_par_iter().map(of_row).unzip();
-    let of_class = std::array::from_fn(|class| parts.iter().map(|part| part.of_class[class]).sum());
-    Outline { sums, terms, of_class }
+    let parts: Vec<Vec<FixedSums<C>>> = (0..tasks).into_par_iter().map(part).collect();
+    let mut parts = parts.into_iter();
+    let mut sums = parts.next().unwrap_or_default();
+    for part in parts {
+        sums.par_iter_mut().zip(&part).for_each(|(sums, part)| add_sums(sums, part));
+    }
+    sums
 }
 
 struct Partial<const C: usize> {
     rig: RigShape,
-    rows: Range<usize>,
-    triangle: bool,
     scale: Scale,
     sums: Vec<FixedSums<C>>,
-    terms: Vec<u32>,
-    of_class: [usize; CLASSES],
 }
 
 impl<const C: usize> Partial<C> {
-    fn new(rig: RigShape, rows: &Range<usize>, triangle: bool, scale: Scale) -> Self {
-        let (sums, terms) = (vec![[[0; C]; 2]; rows.len()], vec![0; rows.len()]);
-        Self { rig, rows: rows.clone(), triangle, scale, sums, terms, of_class: [0; CLASSES] }
-    }
-
     /// Adds these contributions, stripe by stripe of the pixels at which their paths end.
     fn add_all(&mut self, mut left: Vec<(Row, &[Term<C>])>) {
         let pixels = self.rig.camera.pixels().max(self.rig.projector.pixels());
@@ -170,30 +147,20 @@ impl<const C: usize> Partial<C> {
 
     /// Adds the contributions of the paths from a pixel to its own row, and to the rows of the pixels at which they end.
     fn add(&mut self, row: Row, terms: &[Term<C>]) {
-        let pixel = row.pixel as usize;
-        let is_own = (self.rig.symmetric || row.from_camera) && self.rows.contains(&pixel);
+        let is_own = self.rig.symmetric || row.from_camera;
         let is_mirrored = self.rig.symmetric || !row.from_camera;
-        let first = self.rows.start;
-        let (mut own, mut count) = ([[0; C]; 2], 0);
-        for term in if is_own { terms } else { at(terms, &self.rows) } {
+        let mut own = [[0; C]; 2];
+        for term in terms {
             let units = self.scale.units_of(term);
-            let (other, class) = (term.key.other() as usize, term.key.class());
             if is_own {
                 add_sums(&mut own, &units);
-                let is_merged = !self.triangle || other >= pixel;
-                count += u32::from(is_merged);
-                self.of_class[class] += usize::from(is_merged);
             }
-            if is_mirrored && self.rows.contains(&other) {
-                add_sums(&mut self.sums[other - first], &units);
-                let is_merged = !self.triangle || other <= pixel;
-                self.terms[other - first] += u32::from(is_merged);
-                self.of_class[class] += usize::from(is_merged);
+            if is_mirrored {
+                add_sums(&mut self.sums[term.key.other() as usize], &units);
             }
         }
         if is_own {
-            add_sums(&mut self.sums[pixel - first], &own);
-            self.terms[pixel - first] += count;
+            add_sums(&mut self.sums[row.pixel as usize], &own);
         }
     }
 }
@@ -201,7 +168,7 @@ impl<const C: usize> Partial<C> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::transport::chunk::Key;
+    use crate::transport::contributions::Key;
 
     #[test]
     fn sums_are_exact_in_any_order() {

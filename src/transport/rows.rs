@@ -2,27 +2,16 @@
 
 use rayon::prelude::*;
 
-use super::chunk::{Chunk, Chunks, Key, Row, Term, Terms};
+use super::contributions::{About, Chunk, Chunks, Found, Key, Row, Term, Terms};
 use super::noise::Halves;
 use super::project;
-use super::share::{About, Found};
 use super::spread::Steps;
-use crate::render::{Batch, End, Merged, Run};
+use crate::render::{Batch, End, Merged, Run, class};
 
 /// Tasks per thread that take in the terms of a dispatch.
 const PARTS_OF_THREAD: usize = 4;
 
 const PIXELS_PER_TASK: usize = 16;
-
-/// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 is only the second bounce, and 2 is all later ones.
-pub(super) fn class(bounces: u32, split: bool) -> u32 {
-    match bounces {
-        1 => 0,
-        2 => 1,
-        _ if split => 2,
-        _ => 1,
-    }
-}
 
 /// The sums of all paths so far, as chunks in the order of the paths.
 #[derive(Debug)]

@@ -5,10 +5,10 @@
 
 use std::io::{self, Read, Write};
 
-use super::assembled::{Assembled, shape, whole};
-use super::chunk::Chunk;
+use super::assembled::{Assembled, shape};
+use super::contributions::{Chunk, Found, Share};
 use super::noise::Estimates;
-use super::share::{Found, Share};
+use super::spread::of_share;
 use super::wire::{self, Garbled, Reader};
 use super::{Channels, RigShape};
 use crate::error::{Error, Result};
@@ -119,8 +119,8 @@ pub fn join_shards(mut shards: Vec<Shard>) -> Result<Assembled> {
     }
     let ShardRecord { rig, channels, split, .. } = first;
     match channels {
-        Channels::Luma => whole(Share::joined(luma), rig, channels, split),
-        Channels::Rgb => whole(Share::joined(rgb), rig, channels, split),
+        Channels::Luma => of_share(Share::joined(luma), rig, channels, split),
+        Channels::Rgb => of_share(Share::joined(rgb), rig, channels, split),
     }
 }
 

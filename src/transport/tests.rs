@@ -9,13 +9,14 @@ mod wire;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::merging::{Combined, combine};
+use super::contributions::Found;
+use super::noise::{EntrySquares, Estimates};
 use super::rows::Rows;
-use super::share::Found;
-use super::squares::EntrySquares;
+use super::spread::{Combined, Steps, classes, merge, steps};
 use super::*;
 use crate::operator::{Adjoint, Operator};
-use crate::render::Connection;
+use crate::render::{Connection, StartPixels};
+use crate::team::{Comm, Threads, threads};
 
 /// Paths of one endpoint, the camera's first: each with its start pixel, its half of the samples, and its connections.
 type Paths = Vec<(u32, usize, Vec<Connection>)>;
@@ -48,8 +49,8 @@ fn from_projector(random: &mut Pcg64, camera: usize, projector: usize, most: u32
     paths
 }
 
-fn found(paths: &[Paths], split: bool) -> Found<1> {
-    let mut rows = Rows::new(SAMPLES, split, None);
+fn found(paths: &[Paths], split: bool, steps: Option<&Steps>) -> Found<1> {
+    let mut rows = Rows::new(SAMPLES, split, steps);
     for (paths, from_camera) in paths.iter().zip([true, false]) {
         // Batches may end anywhere, also within a pixel.
         paths.chunks(7).for_each(|batch| rows.add_paths(batch, from_camera, &|rgb| [rgb[0]]));
@@ -57,14 +58,35 @@ fn found(paths: &[Paths], split: bool) -> Found<1> {
     rows.close()
 }
 
+/// The layers, sums and squares of one process.
+fn combined(
+    found: Found<1>,
+    rig: RigShape,
+    classes: usize,
+) -> (Vec<tiles::Tiles>, Vec<Estimates<1>>, EntrySquares) {
+    of_member(&threads(1)[0], found, rig, &Steps::one(rig), classes)
+}
+
+fn of_member(
+    comm: &dyn Comm,
+    found: Found<1>,
+    rig: RigShape,
+    steps: &Steps,
+    classes: usize,
+) -> (Vec<tiles::Tiles>, Vec<Estimates<1>>, EntrySquares) {
+    let merged = merge(comm, rig, steps, found, classes, &[]);
+    let Combined { layers, rows, squares } = merged.unwrap_or_else(|error| unreachable!("{error}"));
+    (layers, rows, squares)
+}
+
+fn layers(found: Found<1>, rig: RigShape, split: bool) -> Vec<Layer> {
+    let bounces = classes(split);
+    let (tiles, ..) = combined(found, rig, bounces.len());
+    bounces.iter().zip(tiles).map(|(&bounces, tiles)| Layer::of_tiles(bounces, tiles)).collect()
+}
+
 fn matrix(rig: RigShape, paths: &[Paths], split: bool) -> TransportMatrix {
-    let bounces: &[Bounces] =
-        if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
-    let Combined { layers, .. } =
-        combine(found(paths, split), rig, 0..rig.camera.pixels(), bounces.len(), &[]);
-    let tiled = |(&bounces, tiles)| Layer::of_tiles(bounces, tiles);
-    let layers = bounces.iter().zip(layers).map(tiled).collect();
-    TransportMatrix::new(rig, Channels::Luma, vec![Vec::new()], layers)
+    TransportMatrix::new(rig, Channels::Luma, vec![Vec::new()], layers(found(paths, split, None), rig, split))
 }
 
 /// The dense matrix of these paths. Every connection is at its entry, and for a coaxial rig also at the mirrored entry.
@@ -162,10 +184,7 @@ fn where_batches_are_cut_makes_no_difference() {
     for (paths, from_camera) in paths.iter().zip([true, false]) {
         paths.chunks(1).for_each(|path| rows.add_paths(path, from_camera, &|rgb| [rgb[0]]));
     }
-    let Combined { layers, .. } = combine(rows.close(), rig, 0..rig.camera.pixels(), 2, &[]);
-    let tiled = |(&bounces, tiles)| Layer::of_tiles(bounces, tiles);
-    let layers: Vec<_> = [Bounces::One, Bounces::Global].iter().zip(layers).map(tiled).collect();
-    assert_eq!(whole.layers, layers);
+    assert_eq!(whole.layers, layers(rows.close(), rig, false));
 }
 
 #[test]
@@ -174,11 +193,7 @@ fn the_number_of_threads_makes_no_difference() {
         let of = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             let pool = pool.unwrap_or_else(|error| unreachable!("{error}"));
-            pool.install(|| {
-                let Combined { layers, rows, squares } =
-                    combine(found(&paths, true), rig, 0..rig.camera.pixels(), 3, &[]);
-                (layers, rows, squares)
-            })
+            pool.install(|| combined(found(&paths, true, None), rig, 3))
         };
         let one = of(1);
         assert_eq!(one, of(2));
@@ -189,23 +204,40 @@ fn the_number_of_threads_makes_no_difference() {
 #[test]
 fn some_rows_alone_are_those_of_the_whole() {
     for (rig, paths) in [separated(), with_lens(), of_many_pixels()] {
-        let found = found(&paths, true);
-        let of = |rows: std::ops::Range<usize>| {
-            let count = rows.len();
-            let Combined { layers, rows: sums, squares } = combine(found.clone(), rig, rows, 3, &[]);
-            let layers: Vec<_> = layers.iter().map(|tiles| tiles.to_rows()).collect();
-            assert!(
-                layers.iter().all(|layer| layer.row_start.len() == count + 1 && layer.weights.len() == 1)
-            );
-            (layers, sums, squares)
-        };
         let pixels = rig.camera.pixels();
-        let (whole, of_whole, squares_of_whole) = of(0..pixels);
+        let (whole, of_whole, squares_of_whole) = combined(found(&paths, true, None), rig, 3);
+        let whole: Vec<_> = whole.iter().map(|tiles| tiles.to_rows()).collect();
+        let camera = [0..4, 4..9, 9..9, 9..pixels];
+        // The projector's paths go to the processes in another way.
+        let lit = rig.projector.pixels();
+        let own =
+            camera.clone().into_iter().zip([0..lit / 2, lit / 2..lit / 2, lit / 2..lit - 3, lit - 3..lit]);
+        let own: Vec<StartPixels> =
+            own.map(|(camera, projector)| StartPixels { camera, projector }).collect();
+        let part = |comm: &Threads| {
+            let steps = steps(comm, rig, &own).expect("all members do the same");
+            let StartPixels { camera, projector } = &own[comm.rank()];
+            let starts = [camera, projector].into_iter().zip(&paths);
+            let mine: Vec<Paths> = starts
+                .map(|(own, paths)| {
+                    paths.iter().filter(|path| own.contains(&(path.0 as usize))).cloned().collect()
+                })
+                .collect();
+            of_member(comm, found(&mine, true, Some(&steps)), rig, &steps, 3)
+        };
+        let parts: Vec<_> = std::thread::scope(|scope| {
+            let members: Vec<_> =
+                threads(4).into_iter().map(|comm| scope.spawn(move || part(&comm))).collect();
+            members.into_iter().map(|member| member.join().expect("no member panics")).collect()
+        });
         let mut squares = EntrySquares::default();
-        for rows in [0..4, 4..9, 9..9, 9..pixels] {
-            let (part, of_part, squares_of_part) = of(rows.clone());
+        for (rows, (part, of_part, squares_of_part)) in camera.into_iter().zip(parts) {
             assert_eq!(of_part, of_whole[rows.clone()]);
             squares.add_all(&squares_of_part);
+            let part: Vec<_> = part.iter().map(|tiles| tiles.to_rows()).collect();
+            assert!(
+                part.iter().all(|layer| layer.row_start.len() == rows.len() + 1 && layer.weights.len() == 1)
+            );
             for (part, whole) in part.iter().zip(&whole) {
                 let entries = whole.row_start[rows.start]..whole.row_start[rows.end];
                 assert_eq!(part.columns, whole.columns[entries.clone()]);
@@ -271,8 +303,7 @@ fn how_contributions_are_cut_into_chunks_makes_no_difference() {
         let pool = pool.unwrap_or_else(|error| unreachable!("{error}"));
         pool.install(|| {
             assert!(tiles::groups(2560).len() > 1, "rows become tiles group by group");
-            let Combined { layers, rows, squares } = combine(Found::of_chunks(chunks), rig, 0..2560, 2, &[]);
-            (layers, rows, squares)
+            combined(Found::of_chunks(chunks), rig, 2)
         })
     };
     let whole = of(2560);
@@ -281,7 +312,7 @@ fn how_contributions_are_cut_into_chunks_makes_no_difference() {
 
 #[test]
 fn chunks_are_told_whether_they_are_of_a_matrix() {
-    use super::chunk::{Chunk, Key, Row, Term, Terms};
+    use super::contributions::{Chunk, Key, Row, Term, Terms};
     let chunk = |pixels: [u32; 2], keys: [(u32, u32); 3]| {
         let row = |(at, pixel)| Row { pixel, from_camera: true, end: [2, 3][at] };
         let terms = keys.map(|(other, class)| Term::<1>::none(Key::new(other, class)));
@@ -317,4 +348,21 @@ fn a_pattern_has_the_pixels_and_channels_of_its_rig() {
     assert!(is(planes_of(3, Channels::Rgb), &[[0.0, 3.0], [1.0, 4.0], [2.0, 5.0]]));
     assert!(planes_of(3, Channels::Luma).is_err(), "a photo in luminance has a gray pattern");
     assert!(pattern(1).and_then(|pattern| planes(&pattern, Resolution::new(1, 2), Channels::Luma)).is_err());
+}
+
+#[test]
+fn a_photo_is_the_product_with_the_explicit_matrix() {
+    let matrix = Csr::new(2, vec![0, 2, 3], vec![0, 1, 0], vec![1.0, 0.5, 0.25]);
+    let mut explicit =
+        ExplicitMatrix::new(matrix.expect("well formed"), Resolution::new(2, 1)).expect("of two pixels");
+    let pattern = Image::new(Resolution::new(2, 1), 1, vec![2.0, 4.0]).expect("two samples");
+    assert_eq!(explicit.photograph(&pattern).expect("it fits").samples(), [4.0, 0.5]);
+    assert!(ExplicitMatrix::new(explicit.matrix().clone(), Resolution::new(2, 2)).is_err());
+}
+
+#[test]
+fn direct_and_global_light_of_an_explicit_matrix_add_up_to_it() {
+    let matrix = Csr::new(2, vec![0, 2, 4], vec![0, 1, 0, 1], vec![4.0, 1.0, 2.0, 8.0]).expect("well formed");
+    let weights = |part| ExplicitMatrix::part_of(&matrix, part).expect("well formed").weights().to_vec();
+    assert_eq!([weights(Part::Direct), weights(Part::Global)], [vec![4.0, 8.0], vec![1.0, 2.0]]);
 }

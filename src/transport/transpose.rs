@@ -9,7 +9,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::RigShape;
-use super::chunk::{Chunk, Key, Term, Terms, places};
+use super::contributions::{Chunk, Key, Term, Terms, places};
 
 /// Tasks per thread. While the triangle of a symmetric matrix is made, the first tasks run out of entries first.
 const TASKS_A_THREAD: usize = 8;

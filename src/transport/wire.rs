@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use bytemuck::Pod;
 
-use super::chunk::{Chunk, Key, Row, Term, Terms, at};
+use super::contributions::{Chunk, Key, Row, Term, Terms, at};
 use super::noise::Estimates;
 use super::tiles::{CompressedRows, Fragment, Pages};
 use crate::error::Error;

@@ -8,7 +8,9 @@ pub mod compensate;
 pub mod eigs;
 pub mod options;
 pub mod pattern;
+pub mod plan;
 pub mod relight;
+pub mod rig;
 pub mod segment;
 pub mod separate;
 #[cfg(test)]
@@ -22,6 +24,7 @@ use serde::de::DeserializeOwned;
 pub use compensate::{Compensate, Compensated};
 pub use eigs::{Eigs, Spectrum};
 pub use options::{from_json, signature};
+pub use plan::Plan;
 pub use relight::{Relight, Relighting};
 pub use segment::{Segment, Segmented};
 pub use separate::{Separate, Separated};

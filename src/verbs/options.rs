@@ -1,7 +1,9 @@
 //! Fields of requests: their values on the command line and in Python, and their defaults.
 
+use std::path::PathBuf;
 use std::str::FromStr;
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -59,6 +61,13 @@ pub(crate) fn method(name: &str) -> std::result::Result<Method, String> {
     })
 }
 
+/// `-o` of a picture.
+pub(crate) fn png(text: &str) -> std::result::Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+    if is_png { Ok(path) } else { Err("give a file whose name ends in .png".into()) }
+}
+
 /// Refuses given options of a verb that a plan of it does not support.
 pub(super) fn not_planned(verb: &str, given: &[(bool, &str)]) -> Result<()> {
     match given.iter().find(|(is_given, _)| *is_given) {
@@ -108,7 +117,7 @@ fn option_of(field: &str) -> String {
 ///
 /// # Errors
 /// [`Error::Option`] naming a field that the request does not have, or that does not accept the value.
-pub fn from_json<V: super::Request>(fields: Map<String, Value>) -> Result<V> {
+pub fn from_json<V: Serialize + DeserializeOwned + Default>(fields: Map<String, Value>) -> Result<V> {
     let Ok(Value::Object(mut request)) = serde_json::to_value(V::default()) else {
         return Err(Error::Numerical("a request that has no fields".into()));
     };
@@ -173,7 +182,7 @@ fn kind(arg: &clap::Arg, default: &Value) -> String {
         of if of == TypeId::of::<f64>() => "float".to_owned(),
         of if of == TypeId::of::<usize>() => "int".to_owned(),
         of if of == TypeId::of::<super::segment::Pixel>() => "tuple[int, int]".to_owned(),
-        of if of == TypeId::of::<std::path::PathBuf>() => "str | PathLike[str]".to_owned(),
+        of if of == TypeId::of::<PathBuf>() => "str | PathLike[str]".to_owned(),
         of if of == TypeId::of::<Picture>() => "ArrayLike | str | PathLike[str]".to_owned(),
         of if of == TypeId::of::<Method>() => "str".to_owned(),
         _ if names.is_empty() => "Any".to_owned(),

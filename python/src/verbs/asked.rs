@@ -9,6 +9,8 @@ use krylux::verbs::{Compensate, Eigs, Request, Segment, Separate, from_json, sig
 use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use crate::answers::{Answer, Kept};
 use crate::arrays::{self, Fields, shaped};
@@ -34,7 +36,10 @@ fn described<V: Request>() -> Signature {
 pub(super) type Pictures<'py> = BTreeMap<String, PyReadonlyArrayDyn<'py, f32>>;
 
 /// The request of keyword arguments whose values are JSON.
-pub(crate) fn request<V: Request>(py: Python<'_>, asked: BTreeMap<String, String>) -> PyResult<V> {
+pub(crate) fn request<V: Serialize + DeserializeOwned + Default>(
+    py: Python<'_>,
+    asked: BTreeMap<String, String>,
+) -> PyResult<V> {
     let parsed = asked.into_iter().map(|(name, value)| Ok((name, serde_json::from_str(&value)?)));
     let fields = parsed.collect::<Result<_, serde_json::Error>>();
     let fields = fields.map_err(|why| Error::Numerical(why.to_string()));
@@ -100,6 +105,16 @@ pub(crate) fn attributes<'py>(
     }
     facts.put("photos", found.photos())?.put("status", found.sentence())?;
     Ok((arrays_of(py, &content)?, facts.0))
+}
+
+/// The facts and the arrays of a content by name. An array replaces the fact of its name.
+pub(crate) fn attributes_of<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Bound<'py, PyDict>> {
+    let fields = Fields::new(py);
+    for (name, value) in content.facts() {
+        fields.put(name, arrays::parsed(py, value)?)?;
+    }
+    fields.0.update(arrays_of(py, content)?.as_mapping())?;
+    Ok(fields.0)
 }
 
 /// The arrays by name; those that share a name are a dictionary by their number.

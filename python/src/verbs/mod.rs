@@ -1,6 +1,6 @@
 //! The verbs of a laboratory: a question of Python as a request of krylux, and its answer as attributes.
 
-mod asked;
+pub(crate) mod asked;
 mod light;
 mod plan;
 mod relight;

@@ -96,13 +96,6 @@ impl Operator for Scaled<'_> {
         Symmetry::General
     }
 
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        let pattern: Vec<f64> = x.iter().zip(self.inverse).map(|(x, inverse)| x * inverse).collect();
-        self.global.apply(&pattern, y)?;
-        y.iter_mut().zip(x).for_each(|(y, x)| *y += x);
-        Ok(())
-    }
-
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         let scaled = |x: &&[f64]| x.iter().zip(self.inverse).map(|(x, inverse)| x * inverse).collect();
         let patterns: Vec<Vec<f64>> = xs.iter().map(scaled).collect();

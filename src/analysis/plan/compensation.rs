@@ -177,12 +177,6 @@ struct InRange<'a> {
 impl Operator for InRange<'_> {
     delegate!(inner: rows, cols, symmetry, block_size, observer);
 
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.inner.apply(x, y)?;
-        y.iter_mut().for_each(|value| *value *= self.range);
-        Ok(())
-    }
-
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.inner.apply_block(xs, ys)?;
         ys.iter_mut().flat_map(|y| y.iter_mut()).for_each(|value| *value *= self.range);
@@ -191,12 +185,6 @@ impl Operator for InRange<'_> {
 }
 
 impl Adjoint for InRange<'_> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.inner.apply_adjoint(y, x)?;
-        x.iter_mut().for_each(|value| *value *= self.range);
-        Ok(())
-    }
-
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         self.inner.apply_adjoint_block(ys, xs)?;
         xs.iter_mut().flat_map(|x| x.iter_mut()).for_each(|value| *value *= self.range);

@@ -112,10 +112,6 @@ impl Operator for TwinOperator<'_> {
         }
     }
 
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.inner().apply(x, y)
-    }
-
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.inner().apply_block(xs, ys)
     }
@@ -129,10 +125,6 @@ impl Operator for TwinOperator<'_> {
 }
 
 impl Adjoint for TwinOperator<'_> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.inner().apply_adjoint(y, x)
-    }
-
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         self.inner().apply_adjoint_block(ys, xs)
     }

@@ -96,10 +96,6 @@ impl ModelOperator<'_> {
 impl Operator for ModelOperator<'_> {
     delegate!(operator: rows, cols, symmetry, block_size);
 
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.apply_block(&[x], &mut [y])
-    }
-
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.state_errors(xs);
         self.operator.apply_block(xs, ys)

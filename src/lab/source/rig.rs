@@ -142,7 +142,8 @@ impl RigSource {
         Ok(())
     }
 
-    pub(in crate::lab) fn observer(&self) -> &SharedObserver {
+    /// The observer.
+    pub fn observer(&self) -> &SharedObserver {
         &self.observer
     }
 

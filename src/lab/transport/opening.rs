@@ -3,8 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::engine::Engine;
-use super::{LightTransport, Shape, direct_diagonal};
+use super::{Engine, LightTransport, Retracing, Shape, direct_diagonal};
 use crate::analysis::LowRank;
 use crate::analysis::low_rank::SavedModel;
 use crate::error::{Error, Result};
@@ -13,11 +12,7 @@ use crate::lab::folder::RunFolder;
 use crate::lab::measured::MeasuredRig;
 use crate::lab::notes::{self, Kind};
 use crate::lab::settings::{ChannelChoice, OperatorChoice, Settings};
-use crate::lab::source::ModelParts;
-use crate::lab::source::RunSource;
-use crate::lab::source::SceneSource;
-use crate::lab::source::Source;
-use crate::lab::source::{ExplicitParts, MatrixSource};
+use crate::lab::source::{ExplicitParts, MatrixSource, ModelParts, RunSource, SceneSource, Source};
 use crate::lab::text::bytes;
 use crate::lab::{Log, SharedObserver, Truth, journal};
 use crate::operator::{Operator, Symmetry};
@@ -159,8 +154,7 @@ impl LightTransport {
             channels: channels.count(),
             block_size: 1,
         };
-        let engine = Engine::Retraced(Box::new(scene.clone()), channels);
-        Ok(Self::new(engine, shape, observer))
+        Ok(Self::new(retracing(scene, channels, false), shape, observer))
     }
 
     /// A scene that is traced for each product. The errors of the products are known. Fails as [`Self::of_retraced`].
@@ -171,8 +165,7 @@ impl LightTransport {
         observer: &SharedObserver,
     ) -> Result<Self> {
         let retraced = Self::of_retraced(scene, settings, channels, observer)?;
-        let engine = Engine::Estimated(Box::new(scene.clone()), channels);
-        Ok(Self { engine, ..retraced })
+        Ok(Self { engine: retracing(scene, channels, true), ..retraced })
     }
 
     /// Keeps the further data of a simulator beside its photos, so that the run's folder alone can be relit.
@@ -252,9 +245,13 @@ fn of_scene(
     };
     if retrace {
         require_photo_memory(scene, without_matrix(settings), channels)?;
-        return Ok(Engine::Retraced(Box::new(scene.clone()), channels));
+        return Ok(retracing(scene, channels, false));
     }
     Ok(Engine::Replayed(scene.assemble(channels, settings.split_bounces)?))
+}
+
+fn retracing(scene: &SceneSource, channels: Channels, states_errors: bool) -> Engine {
+    Engine::Retraced(Retracing { scene: Box::new(scene.clone()), channels, states_errors })
 }
 
 /// The bytes of memory for photos of a scene without a matrix. The limit for a matrix, `--memory`, may be lower.

@@ -1,18 +1,13 @@
 //! The verbs of the command line as methods of a laboratory. Each takes a request, and returns an answer with arrays.
 
 mod audit;
-mod calibrate;
-mod flat_field;
 mod machines;
 mod matrix;
 mod model;
 mod photo;
-mod plan;
 mod probe;
 mod solve;
 
-pub use calibrate::Calibrated;
 pub use machines::{JoinedShards, Scaling, TracedShard, join_shards};
 pub use matrix::MatrixRequest;
 pub use photo::SinglePhoto;
-pub use plan::{Plan, PlanRequest};

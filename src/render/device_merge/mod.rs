@@ -11,22 +11,28 @@ mod steps;
 #[cfg(test)]
 mod tests;
 
-use steps::{Buffers, Kernels, MergeStep, TOTALS, all_steps, base_parameters, offset};
-use wgpu::CommandEncoder;
+use steps::{Kernels, MOST_STEPS, MergeParameters, all_steps, base_parameters};
+use wgpu::{BufferUsages, CommandEncoder};
 
 use super::batch::{Batch, RecordLayout};
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::gpu::buffers::Readback;
+use crate::gpu::buffers::{Readback, Results};
 
 /// The most four-byte words of a buffer here: 128 MiB, which every device allows.
 const MOST_WORDS: u64 = 1 << 25;
+
+/// Bytes between the parameters of two steps, a multiple of the alignment that devices require.
+const STRIDE: u64 = 256;
+
+/// Bytes of the totals: the number of entries, the number of terms, and two unused words.
+const TOTALS: u64 = 16;
 
 /// The rules by which contributions become terms.
 pub(crate) struct MergeRequest<'a> {
     pub(crate) channels: usize,
     pub(crate) luminance: [f32; 3],
-    /// Whether the second bounce is class 1 and all later ones class 2; otherwise they are all class 1. One bounce is class 0.
+    /// The classes of bounces, as in [`class`].
     pub(crate) split: bool,
     /// For a number of paths from each pixel: the weight of a sample in the mean, and the weights of samples of both halves in its error.
     pub(crate) weights: &'a dyn Fn(u32) -> [f64; 3],
@@ -95,30 +101,23 @@ fn words_of_term(channels: usize) -> usize {
 }
 
 /// Whether a tracer lets its device sort and sum contributions.
+#[derive(Default)]
 pub(super) struct Trust {
     /// The caller's choice. By default, only a device that is not the processor itself does so.
     pub(super) asked: Option<bool>,
     /// Whether the terms of a large dispatch were compared with the host's.
-    is_checked: bool,
-    is_lost: bool,
+    pub(super) is_checked: bool,
+    pub(super) is_lost: bool,
     kernels: Option<Kernels>,
 }
 
 impl Trust {
-    pub(super) fn new() -> Self {
-        Self { asked: None, is_checked: false, is_lost: false, kernels: None }
-    }
-
-    pub(super) fn merging<'a>(
-        &'a mut self,
-        gpu: &Gpu,
-        request: &'a MergeRequest<'a>,
-    ) -> Result<MergeSession<'a>> {
-        let kernels = match &self.kernels {
-            Some(kernels) => kernels.clone(),
-            None => self.kernels.insert(Kernels::new(gpu)?).clone(),
-        };
-        Ok(MergeSession { request, kernels, is_checked: &mut self.is_checked, is_lost: &mut self.is_lost })
+    /// The kernels, which are compiled when they are first needed.
+    pub(super) fn kernels(&mut self, gpu: &Gpu) -> Result<Kernels> {
+        match &self.kernels {
+            Some(kernels) => Ok(kernels.clone()),
+            None => Ok(self.kernels.insert(Kernels::new(gpu)?).clone()),
+        }
     }
 
     /// Whether the device is to sort and sum.
@@ -127,17 +126,14 @@ impl Trust {
     }
 }
 
-pub(super) struct MergeSession<'a> {
-    pub(super) request: &'a MergeRequest<'a>,
-    kernels: Kernels,
-    pub(super) is_checked: &'a mut bool,
-    pub(super) is_lost: &'a mut bool,
-}
-
 /// Sorts and sums the contributions of one dispatch at a time.
 pub(super) struct DeviceMerge {
     kernels: Kernels,
-    buffers: Buffers,
+    parameters: wgpu::Buffer,
+    totals: Results,
+    terms: Results,
+    /// Bind groups with the entries in the first of their buffers, and in the second one.
+    groups: [wgpu::BindGroup; 2],
     channels: usize,
     other_pixels: u64,
 }
@@ -167,20 +163,41 @@ impl DeviceMerge {
     /// a dispatch cannot have all paths of a pixel.
     pub(super) fn new(
         gpu: &Gpu,
-        MergeSession { request, kernels, .. }: &MergeSession<'_>,
+        kernels: &Kernels,
+        channels: usize,
         (layout, other_pixels): (&RecordLayout, u64),
         paths: u32,
         records: &wgpu::Buffer,
     ) -> Result<Option<Self>> {
-        let channels = request.channels;
         let entries = u64::from(paths) * layout.most_ends() as u64;
-        let words = entries * words_of_term(channels) as u64;
+        let words_of_terms = entries * words_of_term(channels) as u64;
         let most = MOST_WORDS.min(gpu.summary.max_storage_binding / 4).min(gpu.summary.max_buffer / 4);
-        if paths < layout.samples || entries == 0 || words.max(4 * entries) > most {
+        if paths < layout.samples || entries == 0 || words_of_terms.max(4 * entries) > most {
             return Ok(None);
         }
-        let buffers = Buffers::new(gpu, kernels, records, (entries as u32, paths), channels)?;
-        Ok(Some(Self { kernels: kernels.clone(), buffers, channels, other_pixels }))
+        let words = |label: &str, count: u64| gpu.buffer(label, 4 * count, BufferUsages::STORAGE);
+        let [one, other] = [words("entries", 4 * entries)?, words("moved entries", 4 * entries)?];
+        let values = words("values", entries * channels as u64)?;
+        let [counters, sums] = steps::counters(entries as u32, paths);
+        let (counters, sums) = (words("counters", counters)?, words("sums", sums)?);
+        let totals = Results::new(gpu, "totals", TOTALS)?;
+        let terms = Results::new(gpu, "terms", 4 * words_of_terms)?;
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let parameters = gpu.buffer("parameters of merging", STRIDE * MOST_STEPS as u64, usage)?;
+        let group = |[entries, moved]: [&wgpu::Buffer; 2]| {
+            let parameters = wgpu::BufferBinding {
+                buffer: &parameters,
+                offset: 0,
+                size: std::num::NonZero::new(size_of::<MergeParameters>() as u64),
+            };
+            let storage = [records, entries, moved, &values, &counters, &sums, &totals.buffer, &terms.buffer];
+            let resources = std::iter::once(wgpu::BindingResource::Buffer(parameters))
+                .chain(storage.map(wgpu::Buffer::as_entire_binding));
+            gpu.bind("merging", &kernels.layout, resources)
+        };
+        let groups = gpu.guarded("bindings of merging", || [group([&one, &other]), group([&other, &one])])?;
+        let kernels = kernels.clone();
+        Ok(Some(Self { kernels, parameters, totals, terms, groups, channels, other_pixels }))
     }
 
     pub(super) fn record(
@@ -191,34 +208,46 @@ impl DeviceMerge {
         layout: &RecordLayout,
         paths: u32,
     ) {
-        let steps: Vec<MergeStep> =
-            all_steps(&base_parameters(request, layout, paths), self.other_pixels, layout);
-        self.buffers.write_parameters(gpu, &steps);
+        let steps = all_steps(&base_parameters(request, layout, paths), self.other_pixels, layout);
+        let mut bytes = vec![0_u8; steps.len() * STRIDE as usize];
+        for (step, to) in steps.iter().zip(bytes.chunks_exact_mut(STRIDE as usize)) {
+            to[..size_of::<MergeParameters>()].copy_from_slice(bytemuck::bytes_of(&step.parameters));
+        }
+        gpu.queue.write_buffer(&self.parameters, 0, &bytes);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         for (index, step) in steps.iter().enumerate() {
+            let offset = (index as u64 * STRIDE) as u32;
             pass.set_pipeline(self.kernels.pipeline(step.kernel));
-            pass.set_bind_group(0, &self.buffers.groups[usize::from(step.is_swapped)], &[offset(index)]);
+            pass.set_bind_group(0, &self.groups[usize::from(step.is_swapped)], &[offset]);
             pass.dispatch_workgroups(step.workgroups, 1, 1);
         }
         drop(pass);
-        self.buffers.totals.copy(encoder, TOTALS);
+        self.totals.copy(encoder, TOTALS);
     }
 
     /// Asks for the number of terms after `submission`. The first path of the dispatch is the first path of `first_pixel`.
     pub(super) fn request(&self, submission: wgpu::SubmissionIndex, first_pixel: u32) -> MergeInFlight {
-        MergeInFlight { totals: self.buffers.totals.request(TOTALS, submission), first_pixel }
+        MergeInFlight { totals: self.totals.request(TOTALS, submission), first_pixel }
     }
 
+    /// Waits for the number of terms, and then for the terms.
     pub(super) fn wait(&self, gpu: &Gpu, in_flight: MergeInFlight) -> Result<MergedView> {
-        let terms = self.buffers.wait_totals(gpu, in_flight.totals)?;
+        let view = self.totals.wait(gpu, in_flight.totals)?;
+        let terms = bytemuck::cast_slice::<u8, u32>(&view)[1];
+        drop(view);
+        self.totals.release();
         let words = terms as usize * words_of_term(self.channels);
-        let view = self.buffers.read_terms(gpu, words as u64)?;
+        // A read-back has some bytes, even without terms.
+        let bytes = 4 * words.max(2) as u64;
+        let submission =
+            gpu.guarded("read-back of terms", || self.terms.submit(gpu, gpu.encoder(), bytes))?;
+        let view = self.terms.wait(gpu, self.terms.request(bytes, submission))?;
         Ok(MergedView { view, words, channels: self.channels, first_pixel: in_flight.first_pixel })
     }
 
     /// Makes the terms writable again for the device.
     pub(super) fn release(&self) {
-        self.buffers.terms.release();
+        self.terms.release();
     }
 }
 
@@ -246,18 +275,23 @@ impl HostTerm {
     }
 }
 
+/// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 is only the second bounce, and 2 is all later ones.
+pub(crate) fn class(bounces: u32, split: bool) -> u32 {
+    match bounces {
+        1 => 0,
+        2 => 1,
+        _ if split => 2,
+        _ => 1,
+    }
+}
+
 /// The terms of a batch, which has all paths of its pixels.
 pub(super) fn host_terms(batch: &Batch<'_>, request: &MergeRequest<'_>) -> Vec<HostTerm> {
     let [mean, first, second] = (request.weights)(batch.samples());
     let mut found: Vec<(u32, u32, usize, [f32; 3])> = Vec::new();
     for run in batch.runs() {
         for end in run.paths.clone().flat_map(|path| batch.ends(path)).filter(|end| end.is_seen) {
-            let class = match end.bounces {
-                1 => 0,
-                2 => 1,
-                _ if request.split => 2,
-                _ => 1,
-            };
+            let class = class(end.bounces, request.split);
             let [red, green, blue] = end.value;
             let [r, g, b] = request.luminance;
             let value = match request.channels {
@@ -296,26 +330,15 @@ pub(super) fn agree(merged: &Merged<'_>, expected: &[HostTerm]) -> bool {
         let Some(expected) = left.next() else { return false };
         let n = f64::from(expected.contributions);
         let roundings = n.min(TOGETHER + n / TOGETHER) + OTHER_ROUNDINGS;
-        let near = |found: [f32; 3], exact: [f64; 3], channels: usize| {
-            (0..channels).all(|channel| {
-                let off = (f64::from(found[channel]) - exact[channel]).abs();
-                off <= roundings * 2.0_f64.powi(-24) * expected.size[channel]
+        let near = |found: &[u32], exact: &[f64; 3]| {
+            found.iter().zip(exact).zip(&expected.size).all(|((&found, exact), size)| {
+                let off = (f64::from(f32::from_bits(found)) - exact).abs();
+                off <= roundings * 2.0_f64.powi(-24) * size
             })
         };
-        let padded = |values: &dyn Fn(usize) -> f32, channels: usize| {
-            std::array::from_fn(|channel| if channel < channels { values(channel) } else { 0.0 })
-        };
-        let channels = merged.channels;
-        let (mean, error) = match channels {
-            1 => {
-                let ([mean], [error]) = (term.mean::<1>(), term.error::<1>());
-                (padded(&|_| mean, 1), padded(&|_| error, 1))
-            }
-            _ => (term.mean::<3>(), term.error::<3>()),
-        };
         (term.start, term.key) == (expected.start, expected.key)
-            && near(mean, expected.mean, channels)
-            && near(error, expected.error, channels)
+            && near(term.mean, &expected.mean)
+            && near(term.error, &expected.error)
     });
     each && left.next().is_none()
 }

@@ -1,10 +1,10 @@
-//! The kernels that process the contributions of a dispatch one after the other, with their parameters and buffers.
+//! The kernels that process the contributions of a dispatch one after the other, with their parameters.
 
-use wgpu::{BindingType, BufferBindingType, BufferUsages, ShaderStages};
+use wgpu::{BindingType, BufferBindingType};
 
-use super::{MergeRequest, words_of_term};
+use super::MergeRequest;
 use crate::error::Result;
-use crate::gpu::buffers::{Readback, Results};
+use crate::gpu::pipeline::{READ, WRITE};
 use crate::gpu::{Gpu, shader};
 use crate::render::batch::RecordLayout;
 
@@ -106,10 +106,12 @@ pub(super) fn all_steps(base: &MergeParameters, other_pixels: u64, layout: &Reco
 }
 
 /// The most steps of [`all_steps`]: keys of 30 bits and starts of 32 bits have eight digits.
-const MOST_STEPS: usize = 4 + 4 * 8 + 4;
+pub(super) const MOST_STEPS: usize = 4 + 4 * 8 + 4;
 
-fn counters(entries: u32, paths: u32) -> u32 {
-    paths.max(entries).max(DIGITS * entries.div_ceil(BLOCK))
+/// The most counters of a step, and their sums by blocks.
+pub(super) fn counters(entries: u32, paths: u32) -> [u64; 2] {
+    let counters = paths.max(entries).max(DIGITS * entries.div_ceil(BLOCK));
+    [counters, counters.div_ceil(BLOCK)].map(u64::from)
 }
 
 struct MergeSteps {
@@ -130,94 +132,6 @@ impl MergeSteps {
 
 fn bits(number: u64) -> u32 {
     u64::BITS - number.leading_zeros()
-}
-
-/// Bytes between the parameters of two steps, a multiple of the alignment that devices require.
-const STRIDE: u64 = 256;
-
-/// Bytes of the totals: the number of entries, the number of terms, and two unused words.
-pub(super) const TOTALS: u64 = 16;
-
-pub(super) fn offset(step: usize) -> u32 {
-    (step as u64 * STRIDE) as u32
-}
-
-pub(super) struct Buffers {
-    parameters: wgpu::Buffer,
-    pub(super) totals: Results,
-    pub(super) terms: Results,
-    /// Bind groups with the entries in the first of their buffers, and in the second one.
-    pub(super) groups: [wgpu::BindGroup; 2],
-}
-
-impl Buffers {
-    pub(super) fn new(
-        gpu: &Gpu,
-        kernels: &Kernels,
-        records: &wgpu::Buffer,
-        (entries, paths): (u32, u32),
-        channels: usize,
-    ) -> Result<Self> {
-        let words = |label: &str, count: u64| gpu.buffer(label, 4 * count, BufferUsages::STORAGE);
-        let counted = u64::from(counters(entries, paths));
-        let entry_words = 4 * u64::from(entries);
-        let [one, other] = [words("entries", entry_words)?, words("moved entries", entry_words)?];
-        let values = words("values", u64::from(entries) * channels as u64)?;
-        let counters = words("counters", counted)?;
-        let sums = words("sums", counted.div_ceil(u64::from(BLOCK)))?;
-        let totals = Results::new(gpu, "totals", TOTALS)?;
-        let terms = Results::new(gpu, "terms", 4 * u64::from(entries) * words_of_term(channels) as u64)?;
-        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let parameters = gpu.buffer("parameters of merging", STRIDE * MOST_STEPS as u64, usage)?;
-        let group = |[entries, moved]: [&wgpu::Buffer; 2]| {
-            let parameters = wgpu::BufferBinding {
-                buffer: &parameters,
-                offset: 0,
-                size: std::num::NonZero::new(size_of::<MergeParameters>() as u64),
-            };
-            let storage = [records, entries, moved, &values, &counters, &sums, &totals.buffer, &terms.buffer];
-            let resources = std::iter::once(wgpu::BindingResource::Buffer(parameters))
-                .chain(storage.map(wgpu::Buffer::as_entire_binding));
-            let entries: Vec<_> = (0..)
-                .zip(resources)
-                .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
-                .collect();
-            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("merging"),
-                layout: &kernels.layout,
-                entries: &entries,
-            })
-        };
-        let groups = gpu.guarded("bindings of merging", || [group([&one, &other]), group([&other, &one])])?;
-        Ok(Self { parameters, totals, terms, groups })
-    }
-
-    pub(super) fn write_parameters(&self, gpu: &Gpu, steps: &[MergeStep]) {
-        let mut bytes = vec![0_u8; steps.len() * STRIDE as usize];
-        for (step, to) in steps.iter().zip(bytes.chunks_exact_mut(STRIDE as usize)) {
-            to[..size_of::<MergeParameters>()].copy_from_slice(bytemuck::bytes_of(&step.parameters));
-        }
-        gpu.queue.write_buffer(&self.parameters, 0, &bytes);
-    }
-
-    pub(super) fn wait_totals(&self, gpu: &Gpu, request: Readback) -> Result<u32> {
-        let view = self.totals.wait(gpu, request)?;
-        let totals: &[u32] = bytemuck::cast_slice(&view);
-        let terms = totals[1];
-        drop(view);
-        self.totals.release();
-        Ok(terms)
-    }
-
-    /// The first `words` words of the terms. Without terms, one word is read.
-    pub(super) fn read_terms(&self, gpu: &Gpu, words: u64) -> Result<wgpu::BufferView> {
-        let bytes = 4 * words.max(2);
-        let submission = gpu.guarded("read-back of terms", || {
-            let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            self.terms.submit(gpu, encoder, bytes)
-        })?;
-        self.terms.wait(gpu, self.terms.request(bytes, submission))
-    }
 }
 
 /// The kernels, in the order in which `Kernels` keeps them.
@@ -243,38 +157,24 @@ const SHADERS: [(&str, [&str; 2]); 4] = [
 
 /// All kernels, which share one layout. Clones share them.
 #[derive(Clone)]
-pub(super) struct Kernels {
+pub(in crate::render) struct Kernels {
     pipelines: Vec<wgpu::ComputePipeline>,
     pub(super) layout: wgpu::BindGroupLayout,
 }
 
 impl Kernels {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
-        let layout = layout(gpu);
-        let bound = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("merging"),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
+        let parameters = BindingType::Buffer {
+            ty: BufferBindingType::Uniform,
+            has_dynamic_offset: true,
+            min_binding_size: std::num::NonZero::new(size_of::<MergeParameters>() as u64),
+        };
+        let layout =
+            gpu.layout("merging", &[parameters, READ, WRITE, WRITE, WRITE, WRITE, WRITE, WRITE, WRITE]);
         let mut pipelines = Vec::new();
         for (name, entry_points) in SHADERS {
-            let text = shader::compose(name)?;
-            pipelines.extend(gpu.guarded(name, || {
-                let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                    label: Some(name),
-                    source: wgpu::ShaderSource::Wgsl(text.into()),
-                });
-                entry_points.map(|entry_point| {
-                    gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                        label: Some(entry_point),
-                        layout: Some(&bound),
-                        module: &module,
-                        entry_point: Some(entry_point),
-                        compilation_options: wgpu::PipelineCompilationOptions::default(),
-                        cache: gpu.pipeline_cache(),
-                    })
-                })
-            })?);
+            let source = wgpu::ShaderSource::Wgsl(shader::compose(name)?.into());
+            pipelines.extend(gpu.guarded(name, || gpu.pipelines(name, source, &[&layout], entry_points))?);
         }
         Ok(Self { pipelines, layout })
     }
@@ -282,33 +182,6 @@ impl Kernels {
     pub(super) fn pipeline(&self, kernel: KernelName) -> &wgpu::ComputePipeline {
         &self.pipelines[kernel as usize]
     }
-}
-
-fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
-    let parameters = BindingType::Buffer {
-        ty: BufferBindingType::Uniform,
-        has_dynamic_offset: true,
-        min_binding_size: std::num::NonZero::new(size_of::<MergeParameters>() as u64),
-    };
-    let storage = |read_only| BindingType::Buffer {
-        ty: BufferBindingType::Storage { read_only },
-        has_dynamic_offset: false,
-        min_binding_size: None,
-    };
-    let types = [parameters, storage(true)].into_iter().chain([storage(false); 7]);
-    let entries: Vec<_> = (0..)
-        .zip(types)
-        .map(|(binding, ty)| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: ShaderStages::COMPUTE,
-            ty,
-            count: None,
-        })
-        .collect();
-    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("merging"),
-        entries: &entries,
-    })
 }
 
 #[cfg(test)]

@@ -69,11 +69,11 @@ fn compared(
 ) -> (bool, usize) {
     let paths = records.len() / layout.stride();
     let buffer = gpu.storage("records", records).expect("the records fit");
-    let mut trust = Trust::new();
-    let merging = trust.merging(gpu, request).expect("the kernels compile");
-    let merge = DeviceMerge::new(gpu, &merging, (layout, other_pixels), paths as u32, &buffer);
+    let kernels = Kernels::new(gpu).expect("the kernels compile");
+    let of = (layout, other_pixels);
+    let merge = DeviceMerge::new(gpu, &kernels, request.channels, of, paths as u32, &buffer);
     let merge = merge.expect("the buffers fit").expect("a dispatch has whole pixels");
-    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let mut encoder = gpu.encoder();
     merge.record(gpu, &mut encoder, request, layout, paths as u32);
     let submission = gpu.queue.submit([encoder.finish()]);
     let view = merge.wait(gpu, merge.request(submission, 0)).expect("the device works");

@@ -26,8 +26,8 @@ const TREE: By = By { light_buffer: false, each: false };
 
 fn paths(scene: &Scene, settings: &TraceSettings, by: By) -> Vec<PathRecord> {
     let mut tracer = tracer(scene);
-    let pairs = tracer.strategy_builder().scene.pairs_in_order.len() as u32;
-    let mut strategies = tracer.strategy_builder().strategies(settings).expect("the settings are sound");
+    let pairs = tracer.scene.pairs_in_order.len() as u32;
+    let mut strategies = tracer.strategies(settings).expect("the settings are sound");
     assert_eq!(strategies.len(), 1, "{}: a coaxial pinhole", scene.path.display());
     let strategy = &mut strategies[0];
     assert!(
@@ -99,10 +99,7 @@ fn small_and_large_tree_layouts_give_the_same_hits() {
         let settings = TraceSettings::new(Resolution::new(40, 56), 16);
         let layout = |scene: &Scene| {
             let mut tracer = tracer(scene);
-            tracer.strategy_builder().strategies(&settings).expect("sound settings")[0]
-                .features
-                .scene
-                .small_tree
+            tracer.strategies(&settings).expect("sound settings")[0].features.scene.small_tree
         };
         assert!(layout(&small) && !layout(&large), "{}", small.path.display());
         let [of_small, of_large] = [&small, &large].map(|scene| paths(scene, &settings, TREE));
@@ -114,7 +111,7 @@ fn small_and_large_tree_layouts_give_the_same_hits() {
 /// All paths of all strategies, where an invocation traces `each` of them, with or without the light buffer.
 fn paths_by(scene: &Scene, settings: &TraceSettings, each: u32, by_light_buffer: bool) -> Vec<PathRecord> {
     let mut tracer = tracer(scene);
-    let mut strategies = tracer.strategy_builder().strategies(settings).expect("the settings are sound");
+    let mut strategies = tracer.strategies(settings).expect("the settings are sound");
     let mut all = Vec::new();
     for strategy in &mut strategies {
         strategy.features.several_paths = each > 1;

@@ -1,9 +1,10 @@
 //! Runs one WGSL function over many invocations, and reads the records of light paths for comparisons to the last bit.
 
-use wgpu::{BindingType, BufferBindingType, BufferUsages, ShaderStages};
+use wgpu::ShaderStages;
 
+use crate::gpu::buffers::Results;
+use crate::gpu::pipeline::{READ, TEXEL_ARRAY, WRITE};
 use crate::gpu::{Gpu, shader};
-use crate::render::kernel::TEXEL_ARRAY;
 use crate::render::strategy::Strategy;
 use crate::render::{Batch, TraceSummary, Tracer};
 use crate::scene::Scene;
@@ -37,35 +38,17 @@ pub(super) fn run(
     let text =
         shader::compose_source("test", &format!("{source}\n{FRAME}")).expect("the test's WGSL is valid");
     let bytes = 16 * count as u64;
-    let storage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
     let input = gpu.storage("input", input).expect("the input fits");
-    let output = gpu.buffer("output", bytes, storage).expect("the output fits");
-    let readback = gpu
-        .buffer("read-back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)
-        .expect("the read-back fits");
-
+    let output = Results::new(gpu, "output", bytes).expect("the output fits");
     let shared: Vec<_> =
         shared.iter().map(|(binding, resource)| (*binding, resource.clone(), true)).collect();
-    let groups = [shared, vec![(0, input.as_entire_binding(), true), (1, output.as_entire_binding(), false)]];
-    gpu.guarded("test", || {
+    let own = vec![(0, input.as_entire_binding(), true), (1, output.buffer.as_entire_binding(), false)];
+    let groups = [shared, own];
+    let submission = gpu.guarded("test", || {
         let layouts = groups.each_ref().map(|group| layout(gpu, group));
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("test"),
-            source: wgpu::ShaderSource::Wgsl(text.into()),
-        });
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("test"),
-            layout: Some(&gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: None,
-                bind_group_layouts: &layouts.each_ref().map(Some),
-                immediate_size: 0,
-            })),
-            module: &module,
-            entry_point: Some("main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let source = wgpu::ShaderSource::Wgsl(text.into());
+        let [pipeline] = gpu.pipelines("test", source, &layouts.each_ref(), ["main"]);
+        let mut encoder = gpu.encoder();
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&pipeline);
         for ((index, layout), group) in (0..).zip(&layouts).zip(&groups) {
@@ -73,14 +56,10 @@ pub(super) fn run(
         }
         pass.dispatch_workgroups(count.div_ceil(64) as u32, 1, 1);
         drop(pass);
-        encoder.copy_buffer_to_buffer(&output, 0, &readback, 0, bytes);
-        gpu.queue.submit([encoder.finish()]);
-    })
-    .expect("the test's kernel runs");
-
-    readback.map_async(wgpu::MapMode::Read, .., |outcome| outcome.expect("results can be read back"));
-    gpu.wait(None).expect("the device is there");
-    let view = readback.get_mapped_range(..).expect("results can be read back");
+        output.submit(gpu, encoder, bytes)
+    });
+    let request = output.request(bytes, submission.expect("the test's kernel runs"));
+    let view = output.wait(gpu, request).expect("results can be read back");
     bytemuck::cast_slice(&view).to_vec()
 }
 
@@ -92,11 +71,8 @@ fn layout(gpu: &Gpu, group: &[Entry<'_>]) -> wgpu::BindGroupLayout {
         visibility: ShaderStages::COMPUTE,
         ty: match resource {
             wgpu::BindingResource::TextureView(_) => TEXEL_ARRAY,
-            _ => BindingType::Buffer {
-                ty: BufferBindingType::Storage { read_only: *read_only },
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
+            _ if *read_only => READ,
+            _ => WRITE,
         },
         count: None,
     };

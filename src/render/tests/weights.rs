@@ -112,7 +112,7 @@ fn photos(
     let mut one = |seed: u32| {
         let settings = TraceSettings { seed, ..*settings };
         let mut photo = vec![0.0; SIDE * SIDE];
-        let mut strategies = tracer.strategy_builder().strategies(&settings).expect("the scene fits");
+        let mut strategies = tracer.strategies(&settings).expect("the scene fits");
         if camera_alone {
             strategies.truncate(1);
             // With no samples from the projector, every weight becomes 1.

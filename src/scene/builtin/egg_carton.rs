@@ -2,8 +2,7 @@
 
 use glam::{DVec3, Vec3, dvec3};
 
-use super::model::{Model, Part, white_paper};
-use crate::scene::{Camera, Lens};
+use super::model::{Model, Part, square_camera, white_paper};
 
 const COLUMNS: usize = 3;
 
@@ -59,16 +58,7 @@ fn model(name: &'static str, rows: usize, egg: DVec3, has_egg: impl Fn(usize) ->
             parts.push(cup.egg(egg));
         }
     }
-    let camera = Camera {
-        name: "camera".into(),
-        position: Vec3::Y,
-        right: Vec3::X,
-        up: Vec3::NEG_Z,
-        forward: Vec3::NEG_Y,
-        tan_half_fov: 0.3,
-        aspect: Some(1.0),
-        lens: Lens::PINHOLE,
-    };
+    let camera = square_camera(Vec3::Y, [Vec3::NEG_Z, Vec3::NEG_Y], 0.3);
     Model { name, parts, materials: white_paper(), camera }
 }
 

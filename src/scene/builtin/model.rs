@@ -72,16 +72,7 @@ impl Model {
         materials: Vec<Material>,
         (z, tan_half_fov): (f32, f32),
     ) -> Self {
-        let camera = Camera {
-            name: "camera".into(),
-            position: Vec3::new(0.0, 0.0, z),
-            right: Vec3::X,
-            up: Vec3::Y,
-            forward: Vec3::NEG_Z,
-            tan_half_fov,
-            aspect: Some(1.0),
-            lens: Lens::PINHOLE,
-        };
+        let camera = square_camera(z * Vec3::Z, [Vec3::Y, Vec3::NEG_Z], tan_half_fov);
         Self { name, parts, materials, camera }
     }
 
@@ -119,6 +110,12 @@ impl Model {
         scene.hash = content_hash(&scene);
         scene
     }
+}
+
+/// A pinhole at `position` with a square picture that looks along `forward`, with +X to the right.
+pub(super) fn square_camera(position: Vec3, [up, forward]: [Vec3; 2], tan_half_fov: f32) -> Camera {
+    let (name, right, aspect, lens) = ("camera".into(), Vec3::X, Some(1.0), Lens::PINHOLE);
+    Camera { name, position, right, up, forward, tan_half_fov, aspect, lens }
 }
 
 fn content_hash(scene: &Scene) -> [u8; 32] {

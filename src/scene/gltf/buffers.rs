@@ -10,7 +10,7 @@ use gltf_json::validation::Checked;
 
 use super::extensions::MESHOPT;
 use super::{Document, object_name};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::scene::source;
 
 pub(super) fn load(document: &mut Document) -> Result<()> {
@@ -31,7 +31,11 @@ pub(super) fn load(document: &mut Document) -> Result<()> {
                 document.buffers.push(Vec::new());
                 continue;
             }
-            None => return Err(missing(document, &what)),
+            None => {
+                return Err(document
+                    .fault(format!("{what} has neither a URI nor a binary chunk in the file"))
+                    .help("the file is incomplete: export it again"));
+            }
         };
         if (bytes.len() as u64) < expected {
             return Err(document
@@ -41,12 +45,6 @@ pub(super) fn load(document: &mut Document) -> Result<()> {
         document.buffers.push(bytes);
     }
     Ok(())
-}
-
-fn missing(document: &Document, what: &str) -> Error {
-    document
-        .fault(format!("{what} has neither a URI nor a binary chunk in the file"))
-        .help("the file is incomplete: export it again")
 }
 
 /// The bytes of a buffer view, and its stride in bytes if it states one. `what` names the object that uses it.
@@ -115,9 +113,7 @@ pub(super) fn read_uri(document: &mut Document, what: &str, uri: &str) -> Result
         return decode_data(document, what, &uri[5..]);
     }
     let path = resolve(document, what, uri)?;
-    let bytes = source::read(&document.path, what, &path)?;
-    document.hash.add(&bytes);
-    Ok(bytes)
+    document.file.read_other(what, &path)
 }
 
 /// Decodes a data URI, given without its scheme.
@@ -141,7 +137,9 @@ fn decode_data(document: &Document, what: &str, data: &str) -> Result<Vec<u8>> {
 pub(super) fn absence(document: &Document, uri: &str) -> Option<&'static str> {
     let is_data = uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"));
     let decoded = percent_decode(uri).filter(|_| !is_data && !uri.is_empty())?;
-    match source::next_to(&document.path, uri).and_then(|_| source::next_to(&document.path, &decoded)) {
+    match source::next_to(&document.file.path, uri)
+        .and_then(|_| source::next_to(&document.file.path, &decoded))
+    {
         Ok(path) => source::is_missing(&path).then_some("is missing"),
         Err(_) => Some("is not read, since it is not next to the scene"),
     }
@@ -157,13 +155,13 @@ fn resolve(document: &Document, what: &str, uri: &str) -> Result<PathBuf> {
         document.fault(format!("{what}: `{uri}` is not a valid URI (percent-encoding or UTF-8)")).help(help)
     })?;
     // Both forms are checked: a scheme is recognized before decoding, an encoded absolute path only after it.
-    source::next_to(&document.path, uri).and_then(|_| source::next_to(&document.path, &decoded)).map_err(
-        |fault| {
+    source::next_to(&document.file.path, uri)
+        .and_then(|_| source::next_to(&document.file.path, &decoded))
+        .map_err(|fault| {
             document
                 .fault(format!("{what}: `{uri}` is {fault}; only files next to the scene are read"))
                 .help(help)
-        },
-    )
+        })
 }
 
 /// Decodes percent-encoding. `None` if a `%` is not followed by two hexadecimal digits, or if the result is not UTF-8 or contains NUL.

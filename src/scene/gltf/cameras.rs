@@ -4,12 +4,12 @@ use glam::{DVec3, Vec3};
 use gltf_json as json;
 use gltf_json::validation::Checked;
 
+use super::Document;
 use super::extensions::Extras;
 use super::nodes::Placed;
-use super::{Document, object_name};
 use crate::error::Result;
 use crate::scene::camera::{Posed, tan_half};
-use crate::scene::camera_file::{CameraFile, CameraPair};
+use crate::scene::camera_file::Cameras;
 use crate::scene::triangle::MAX_COORDINATE;
 use crate::scene::{Camera, LoadOptions};
 
@@ -23,85 +23,39 @@ struct Candidate<'a> {
     extras: Extras,
 }
 
-/// The camera at which the rig stands, unless a camera file states one.
-pub(super) enum Wanted {
-    Named(String),
-    Only,
-    /// The first perspective camera.
-    First,
-    /// A camera that krylux places, since the scene has none.
-    Placed,
-}
-
-/// The camera that the options want. If they allow a placed camera, the first perspective camera of the scene is taken, with a warning that
-/// names the others. A camera is placed only if the scene has no perspective camera.
-pub(super) fn wanted(
-    document: &mut Document,
-    placed: &[Placed],
-    options: &LoadOptions<'_>,
-    file: &Option<CameraFile>,
-) -> Result<Wanted> {
-    if let Some(name) = options.camera {
-        return Ok(Wanted::Named(name.into()));
-    }
-    if !options.auto_camera || file.as_ref().is_some_and(|file| file.camera.is_some()) {
-        return Ok(Wanted::Only);
-    }
-    let (cameras, _) = candidates(document, placed)?;
-    let (usable, others): (Vec<_>, Vec<_>) =
-        cameras.iter().partition(|candidate| candidate.camera.perspective.is_some());
-    let warning = match (usable.as_slice(), others.as_slice()) {
-        ([], []) => return Ok(Wanted::Placed),
-        ([], _) => Some(format!("cameras without a perspective are not used: {}", names(&others))),
-        ([_], _) => None,
-        ([first, rest @ ..], _) => {
-            let first = &first.name;
-            Some(format!(
-                "of several cameras the first, `{first}`, is used; --camera chooses another: {}",
-                names(rest)
-            ))
-        }
-    };
-    let is_empty = usable.is_empty();
-    warning.into_iter().for_each(|warning| document.warnings.add(warning));
-    Ok(if is_empty { Wanted::Placed } else { Wanted::First })
-}
-
 fn names(candidates: &[&Candidate<'_>]) -> String {
     candidates.iter().map(|candidate| format!("`{}`", candidate.name)).collect::<Vec<_>>().join(", ")
 }
 
-/// The camera and the projector. Each is taken from the camera file, if that states it, and otherwise from the scene's camera nodes. The
-/// camera is then the node that is `wanted`. The projector is the node that has `"krylux": "projector"` in its extras.
-pub(super) fn pair(
-    document: &Document,
+/// Completes the cameras that a camera file states from the scene's camera nodes. The camera is the node that the options want; `None` if
+/// krylux is to place one. The projector is the node that has `"krylux": "projector"` in its extras.
+pub(super) fn complete(
+    document: &mut Document,
     placed: &[Placed],
-    wanted: &Wanted,
-    file: Option<CameraFile>,
-) -> Result<CameraPair> {
-    let (camera, projector, mut resolution) = match file {
-        None => (None, None, None),
-        Some(file) => (file.camera, file.projector, file.projector_resolution),
-    };
+    options: &LoadOptions<'_>,
+    mut stated: Cameras,
+) -> Result<Cameras> {
     let (cameras, projectors) = candidates(document, placed)?;
-    let camera = match camera {
-        Some(camera) => camera,
-        None => build(document, choose(document, &cameras, wanted)?)?,
-    };
-    let projector = match (projector, projectors.as_slice()) {
-        (Some(projector), _) => Some(projector),
-        (None, []) => None,
+    let mut warning = None;
+    if stated.camera.is_none() {
+        let chosen;
+        (chosen, warning) = choose(document, &cameras, options)?;
+        stated.camera = chosen.map(|chosen| build(document, chosen)).transpose()?;
+    }
+    match (&stated.projector, projectors.as_slice()) {
+        (Some(_), _) | (None, []) => {}
         (None, [projector]) => {
-            resolution = projector.extras.resolution(document, &projector.name)?;
-            Some(build(document, projector)?)
+            stated.projector_resolution = projector.extras.resolution(document, &projector.name)?;
+            stated.projector = Some(build(document, projector)?);
         }
         (None, [first, second, ..]) => {
             return Err(document
                 .fault(format!("two projectors, `{}` and `{}`", first.name, second.name))
                 .help("keep \"krylux\": \"projector\" in the extras of one of them only"));
         }
-    };
-    Ok(CameraPair { camera, projector, projector_resolution: resolution })
+    }
+    warning.into_iter().for_each(|warning: String| document.file.warn(warning));
+    Ok(stated)
 }
 
 /// The camera nodes of the scene: the cameras, and those that are marked as projectors.
@@ -114,7 +68,7 @@ fn candidates<'a>(
     for placed in placed {
         let node = &document.root.nodes[placed.node];
         let extras = Extras::of(&node.extras);
-        let what = || object_name("node", placed.node, node.name.as_ref());
+        let what = || document.node_name(placed.node);
         let is_projector = extras.is_projector(document, &what)?;
         let Some(index) = node.camera.map(|camera| camera.value()) else {
             if is_projector {
@@ -134,24 +88,33 @@ fn candidates<'a>(
     Ok((cameras, projectors))
 }
 
+/// The camera that the options want. If they allow a placed camera, it is the first perspective camera of the scene, with a warning that
+/// names the others; `None` if the scene has no perspective camera.
 fn choose<'a>(
     document: &Document,
     candidates: &'a [Candidate<'a>],
-    wanted: &Wanted,
-) -> Result<&'a Candidate<'a>> {
-    let names = || names(&candidates.iter().collect::<Vec<_>>());
-    let mut pinholes = candidates.iter().filter(|candidate| candidate.camera.perspective.is_some());
-    if let (Wanted::First, Some(first)) = (wanted, pinholes.next()) {
-        return Ok(first);
+    options: &LoadOptions<'_>,
+) -> Result<(Option<&'a Candidate<'a>>, Option<String>)> {
+    let wanted = options.camera;
+    if options.auto_camera && wanted.is_none() {
+        let (usable, others): (Vec<_>, Vec<_>) =
+            candidates.iter().partition(|candidate| candidate.camera.perspective.is_some());
+        let warning = match (usable.as_slice(), others.as_slice()) {
+            ([], []) | ([_], _) => None,
+            ([], _) => Some(format!("cameras without a perspective are not used: {}", names(&others))),
+            ([first, rest @ ..], _) => Some(format!(
+                "of several cameras the first, `{}`, is used; --camera chooses another: {}",
+                first.name,
+                names(rest)
+            )),
+        };
+        return Ok((usable.first().copied(), warning));
     }
-    let wanted = match wanted {
-        Wanted::Named(name) => Some(name.as_str()),
-        _ => None,
-    };
+    let names = || names(&candidates.iter().collect::<Vec<_>>());
     let matching: Vec<_> =
         candidates.iter().filter(|candidate| wanted.is_none_or(|wanted| wanted == candidate.name)).collect();
     let (fault, help) = match (matching.as_slice(), wanted) {
-        ([candidate], _) => return Ok(candidate),
+        ([candidate], _) => return Ok((Some(candidate), None)),
         _ if candidates.is_empty() => (
             "no camera in the scene".into(),
             "add a perspective camera where the rig stands, and export the scene with cameras, give a camera file by \

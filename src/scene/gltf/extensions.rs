@@ -101,15 +101,15 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
         let name = name.as_str();
         if name == LIGHTS {
             document
-                .warnings
-                .add(format!("the file's lights ({LIGHTS}) are ignored: the projector is the light"));
+                .file
+                .warn(format!("the file's lights ({LIGHTS}) are ignored: the projector is the light"));
         } else if !is_supported(name)
             && !WITHOUT_EFFECT.contains(&name)
             && !CHECKED_AT_USE.contains(&name)
             // These warnings name a material, so they are made where materials are read.
             && !name.starts_with("KHR_materials_")
         {
-            document.warnings.add(format!("the extension {name} is not supported and ignored"));
+            document.file.warn(format!("the extension {name} is not supported and ignored"));
         }
     }
     Ok(())
@@ -215,9 +215,8 @@ impl std::fmt::Display for Label {
 
 /// The label of an object from `extras.region`, if it has one. `what` names the object.
 pub(super) fn label(document: &Document, what: &str, extras: &json::Extras) -> Result<Option<Label>> {
-    let Some(extras) = extras else { return Ok(None) };
-    let parsed: Option<json::Value> = serde_json::from_str(extras.get()).ok();
-    let Some(region) = parsed.as_ref().and_then(|extras| extras.get("region")) else { return Ok(None) };
+    let Extras(extras) = Extras::of(extras);
+    let Some(region) = extras.get("region") else { return Ok(None) };
     let label = match region {
         json::Value::Null => return Ok(None),
         json::Value::Number(number) => number.as_u64().map(Label::Number),

@@ -1,7 +1,6 @@
 //! Assembly of the scene's triangles in world space from its nodes and meshes.
 
 use std::collections::HashMap;
-use std::rc::Rc;
 
 use glam::{DAffine3, Vec3};
 use gltf_json::mesh::{Mode, Semantic};
@@ -38,15 +37,15 @@ pub(super) fn assemble(
     place: &mut Place,
 ) -> Result<Vec<Surface>> {
     let mut assembly = assembly(document, placed, materials, watcher, place)?;
-    if place.settle(&document.path)? {
+    if place.settle(&document.file.path)? {
         assembly = self::assembly(document, placed, materials, watcher, place)?;
     }
-    document.warnings.list.extend(place.warning());
+    document.file.warnings.extend(place.warning());
     if assembly.degenerate > 0 {
-        document.warnings.add(format!("{} triangles without area were dropped", assembly.degenerate));
+        document.file.warn(format!("{} triangles without area were dropped", assembly.degenerate));
     }
     if assembly.surfaces.is_empty() {
-        let what = match document.warnings.list.iter().any(|warning| warning.contains(NO_AREA)) {
+        let what = match document.file.warnings.iter().any(|warning| warning.contains(NO_AREA)) {
             true => "no triangles in the scene, but points or lines, which have no area and show nothing",
             false => "no triangles in the scene",
         };
@@ -77,7 +76,7 @@ fn assembly(
         progress.begin()?;
         let source = &document.root.nodes[node.node];
         let Some(index) = source.mesh.map(|mesh| mesh.value()) else { continue };
-        let node_name = object_name("node", node.node, source.name.as_ref());
+        let node_name = document.node_name(node.node);
         let mesh = document.referred(&document.root.meshes, &node_name, "mesh", index)?;
         let mesh_name = object_name("mesh", index, mesh.name.as_ref());
         let primitives = mesh.primitives.len();
@@ -111,12 +110,6 @@ struct Placement {
     primitive: usize,
 }
 
-enum Poses {
-    Rigid(Vec<Transform>),
-    /// One matrix for each joint of the skin.
-    Skinned(Rc<[DAffine3]>),
-}
-
 /// The surfaces assembled so far, with the counts that bound the work.
 struct Assembly {
     surfaces: Vec<Surface>,
@@ -147,26 +140,28 @@ impl Assembly {
         Ok(label)
     }
 
-    fn poses(&mut self, document: &Document, node_name: &str, node: &Placed) -> Result<Poses> {
+    fn poses(&mut self, document: &Document, node_name: &str, node: &Placed) -> Result<Vec<Pose>> {
         let source = &document.root.nodes[node.node];
         if let Some(skin) = source.skin {
-            return self.skins.matrices(document, node_name, skin.value()).map(Poses::Skinned);
+            let joints = self.skins.matrices(document, node_name, skin.value())?;
+            return Ok(vec![Pose::Skinned(joints)]);
         }
         let instances = pose::instances(document, node_name, source)?;
-        Ok(Poses::Rigid(match instances {
-            None => vec![Transform::new(&node.transform)],
+        let rigid = |transform: DAffine3| Pose::Rigid(Transform::new(&transform));
+        Ok(match instances {
+            None => vec![rigid(node.transform)],
             Some(instances) => {
                 self.counts.instances(document, instances.len())?;
-                instances.iter().map(|instance| Transform::new(&(node.transform * *instance))).collect()
+                instances.into_iter().map(|instance| rigid(node.transform * instance)).collect()
             }
-        }))
+        })
     }
 
     fn place(
         &mut self,
         document: &mut Document,
         placement: &Placement,
-        poses: &Poses,
+        poses: &[Pose],
         materials: &mut Materials,
         (progress, place): (Progress<'_>, &mut Place),
     ) -> Result<Vec<Triangle>> {
@@ -192,19 +187,17 @@ impl Assembly {
             weights.map_or(&[], Vec::as_slice),
         )?;
         let corners = Corners::open(document, what, primitive, vertices.count)?;
-        let poses: Vec<Pose<'_>> = match poses {
-            Poses::Rigid(transforms) => transforms.iter().map(|transform| Pose::Rigid(*transform)).collect(),
-            Poses::Skinned(joints) => {
-                let influences = Influences::open(document, what, primitive, vertices.count)?;
-                vec![Pose::Skinned { joints: Rc::clone(joints), influences }]
-            }
+        let influences = match poses {
+            [Pose::Skinned(_)] => Influences::open(document, what, primitive, vertices.count)?,
+            _ => Influences::default(),
         };
         let count = self.counts.triangles(document, corners.triangles, poses.len(), vertices.targets())?;
         let mut triangles = Vec::new();
         triangles.try_reserve_exact(count).map_err(|_| too_many(document, count))?;
         let mut done = 0_usize;
-        for pose in &poses {
-            let placer = Placer { document, what, vertices: &vertices, pose, material };
+        for pose in poses {
+            let placer =
+                Placer { document, what, vertices: &vertices, pose, influences: &influences, material };
             for index in 0..corners.triangles {
                 done += 1;
                 progress.at(done, count)?;
@@ -228,7 +221,7 @@ fn has_triangles(document: &mut Document, placement: &Placement) -> Result<bool>
         Checked::Invalid => Err(document.damaged(format!("{what} has an unknown mode"))),
         Checked::Valid(Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) => Ok(true),
         Checked::Valid(_) => {
-            document.warnings.add(format!("{what} consists of {NO_AREA}: ignored"));
+            document.file.warn(format!("{what} consists of {NO_AREA}: ignored"));
             Ok(false)
         }
     }
@@ -242,7 +235,8 @@ struct Placer<'a> {
     pub document: &'a Document,
     pub what: &'a str,
     pub vertices: &'a Vertices<'a>,
-    pub pose: &'a Pose<'a>,
+    pub pose: &'a Pose,
+    pub influences: &'a Influences<'a>,
     pub material: u32,
 }
 
@@ -267,7 +261,7 @@ impl Placer<'_> {
                 vertices.count
             ))
         })?;
-        let transform = self.pose.of(index as usize).ok_or_else(|| {
+        let transform = self.pose.of(index as usize, self.influences).ok_or_else(|| {
             document.damaged_mesh(format!(
                 "{what}: vertex {index} is bound to no joint, or to one that the skin does not have"
             ))

@@ -38,7 +38,7 @@ impl Materials {
         let material = match index {
             Some(index) => self.convert(document, what, index)?,
             None => {
-                document.warnings.add(
+                document.file.warn(
                     "surfaces without a material get glTF's default, which is a rough white metal"
                         .to_string(),
                 );
@@ -75,10 +75,10 @@ impl Materials {
             return Ok(bare);
         }
         let set = texture.set;
-        document.leave_out(
+        document.file.tolerate(
             format!("{what} has no TEXCOORD_{set}, but its material's {role} texture reads it"),
+            "the texture is left out",
             "unwrap the mesh, or remove the texture from the material",
-            "the texture",
         )?;
         let mut bare = material.clone();
         bare.retain_textures(|texture| has_set[texture.set as usize]);
@@ -220,12 +220,12 @@ fn check_extensions(document: &mut Document, what: &str, source: &json::Material
     if is_unlit {
         let warning =
             format!("{what} is unlit ({UNLIT}), which transports no light: it is a matte surface here");
-        document.warnings.add(warning);
+        document.file.warn(warning);
     }
     let supported = |name: &str| [UNLIT, GLOSSINESS].contains(&name) || READ_HERE.contains(&name);
     for name in others.keys().filter(|name| !supported(name)) {
         let warning = format!("{name} is not supported and ignored; {what} uses it first");
-        document.warnings.add_once(name, warning);
+        document.file.warn_once(name, warning);
     }
     is_unlit
 }

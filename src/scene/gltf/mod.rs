@@ -20,27 +20,23 @@ mod vertices;
 
 use std::cell::RefCell;
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::DVec3;
 use gltf_json as json;
 use serde::de::DeserializeOwned;
 
-use super::camera::Posed;
 use super::place::Place;
-use super::source::{self, ContentHash, Warnings};
+use super::source::SceneFile;
 use super::{Camera, LoadOptions, Scene, camera_file};
 use crate::error::{Error, Result};
-use cameras::Wanted;
 
 /// Loads a `.glb` or `.gltf` file; see [`crate::scene::load`].
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
-    let bytes = source::read_scene(path)?;
-    let mut document = Document::parse(path, &bytes)?;
-    document.strict = options.strict;
-    let mut camera_file = camera_file::find(path, options)?;
+    let mut document = Document::read(path, options.strict)?;
+    let camera_file = camera_file::find(path, options)?;
     if let Some(file) = &camera_file {
-        document.hash.add(&file.bytes);
+        document.file.hash.add(&file.bytes);
     }
     extensions::check(&mut document)?;
     buffers::load(&mut document)?;
@@ -52,48 +48,21 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
 
     let placed = nodes::walk(&mut document)?;
     // Errors about the camera are found before the work on the meshes.
-    let wanted = cameras::wanted(&mut document, &placed, options, &camera_file)?;
-    let mut pair = match wanted {
-        Wanted::Placed => None,
-        _ => Some(cameras::pair(&document, &placed, &wanted, camera_file.take())?),
-    };
+    let cameras = cameras::complete(&mut document, &placed, options, camera_file.unwrap_or_default())?;
     let mut materials = materials::Materials::default();
-    let mut place = Place::of(pair.as_ref().map(|pair| pair.camera.position));
+    let mut place = Place::of(cameras.camera.as_ref().map(|camera| camera.position));
     let surfaces = geometry::assemble(&mut document, &placed, &mut materials, options.watcher, &mut place)?;
     let (triangles, regions, regions_are_labels) = nodes::name_regions(&mut document, &placed, surfaces)?;
-    let cameras = match pair.take() {
-        Some(pair) => pair,
-        None => {
-            let mut file = camera_file.unwrap_or_default();
-            let camera = Camera::in_front_of(&triangles, &materials.list);
-            file.camera = Some(Posed { position: place.origin + camera.position.as_dvec3(), camera });
-            cameras::pair(&document, &placed, &wanted, Some(file))?
-        }
-    };
-
     // The hash is part of cache keys, and another camera of the same file gives another matrix.
-    document.hash.add(cameras.camera.camera.name.as_bytes());
-    let projector_resolution = cameras.projector_resolution;
-    let (camera, projector) = cameras.at(&place);
-    Ok(Scene {
-        path: path.to_path_buf(),
-        origin: place.origin,
-        triangles,
-        materials: materials.list,
-        textures: materials.textures.list,
-        camera,
-        projector,
-        projector_resolution,
-        regions,
-        regions_are_labels,
-        hash: document.hash.finish(),
-        warnings: document.warnings.list,
-    })
+    let name = cameras.camera.as_ref().map_or(Camera::PLACED, |camera| &camera.camera.name);
+    document.file.hash.add(name.as_bytes());
+    let materials = (materials.list, materials.textures.list);
+    Ok(document.file.scene(&place, cameras, triangles, materials, (regions, regions_are_labels)))
 }
 
 /// A parsed file with the buffers that it refers to.
 struct Document {
-    path: PathBuf,
+    file: SceneFile,
     root: json::Root,
     translations: Vec<Option<DVec3>>,
     /// The binary chunk of a `.glb`, until [`buffers::load`] moves it to the first buffer.
@@ -101,43 +70,23 @@ struct Document {
     buffers: Vec<Vec<u8>>,
     /// Sparse accessors with indices that are known to increase.
     checked_sparse: RefCell<HashSet<usize>>,
-    hash: ContentHash,
-    warnings: Warnings,
-    /// Whether missing pictures and texture coordinates are errors.
-    strict: bool,
 }
 
 impl Document {
-    /// Parses the bytes of the file at `path`, without the files that it refers to.
-    fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
-        let mut hash = ContentHash::default();
-        hash.add(bytes);
-        let (text, chunk) = split(path, bytes)?;
+    /// Reads and parses the file at `path`, without the files that it refers to.
+    fn read(path: &Path, strict: bool) -> Result<Self> {
+        let (file, bytes) = SceneFile::read(path, strict)?;
+        let (text, chunk) = split(path, &bytes)?;
         // Some programs write a byte order mark.
         let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
-        let root = read_root(path, text)?;
+        let (root, translations) = (read_root(path, text)?, nodes::translations(text));
         let chunk = chunk.map(<[u8]>::to_vec);
-        Ok(Self {
-            path: path.to_path_buf(),
-            root,
-            translations: nodes::translations(text),
-            chunk,
-            buffers: Vec::new(),
-            checked_sparse: RefCell::default(),
-            hash,
-            warnings: Warnings::default(),
-            strict: false,
-        })
+        let (buffers, checked_sparse) = Default::default();
+        Ok(Self { file, root, translations, chunk, buffers, checked_sparse })
     }
 
-    /// Adds a warning with the fault, the part `what` that is left out, and the remedy. In a strictly read scene, the fault is an error.
-    fn leave_out(&mut self, fault: String, help: impl Into<String>, what: &str) -> Result<()> {
-        let help = help.into();
-        if self.strict {
-            return Err(self.fault(fault).help(help));
-        }
-        self.warnings.add(format!("{fault}: {what} is left out; {help}"));
-        Ok(())
+    fn node_name(&self, index: usize) -> String {
+        object_name("node", index, self.root.nodes[index].name.as_ref())
     }
 
     /// The object number `index` of a list of the file. `user` names the object that refers to it.
@@ -168,7 +117,7 @@ impl Document {
     }
 
     fn fault(&self, fault: impl Into<String>) -> Error {
-        Error::scene(&self.path, fault)
+        self.file.fault(fault)
     }
 }
 

@@ -55,13 +55,10 @@ pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
         let transform = parent * local_transform(document, index, node)?;
         if !transform.is_finite() {
             return Err(document
-                .fault(format!(
-                    "{}: its transform is not finite",
-                    object_name("node", index, node.name.as_ref())
-                ))
+                .fault(format!("{}: its transform is not finite", document.node_name(index)))
                 .help("correct the node's matrix, translation, rotation or scale"));
         }
-        let what = object_name("node", index, node.name.as_ref());
+        let what = document.node_name(index);
         let label = extensions::label(document, &what, &node.extras)?.or(inherited);
         let children = document.root.nodes[index].children.as_deref().unwrap_or_default();
         stack.extend(children.iter().rev().map(|child| (child.value(), transform, label.clone())));
@@ -75,7 +72,7 @@ fn roots(document: &mut Document, parents: &[Option<usize>]) -> Result<Vec<usize
     let index = document.root.scene.map_or(0, |scene| scene.value());
     let count = document.root.scenes.len();
     if count == 0 && !parents.is_empty() {
-        document.warnings.add("the file has no scene: all of its nodes are shown");
+        document.file.warn("the file has no scene: all of its nodes are shown");
         return Ok((0..parents.len()).filter(|&node| parents[node].is_none()).collect());
     }
     let Some(scene) = document.root.scenes.get(index) else {
@@ -90,7 +87,7 @@ fn roots(document: &mut Document, parents: &[Option<usize>]) -> Result<Vec<usize
     let roots = scene.nodes.iter().map(|node| node.value()).collect();
     if count > 1 {
         let used = object_name("scene", index, scene.name.as_ref());
-        document.warnings.add(format!("the file has {count} scenes; only {used} is used"));
+        document.file.warn(format!("the file has {count} scenes; only {used} is used"));
     }
     Ok(roots)
 }
@@ -100,7 +97,7 @@ const FOREST: &str = "the file is damaged: nodes must form a tree; export it aga
 /// The parent of each node. A node with several parents is an error.
 fn parents(document: &Document) -> Result<Vec<Option<usize>>> {
     let nodes = &document.root.nodes;
-    let name = |index: usize| object_name("node", index, nodes[index].name.as_ref());
+    let name = |index: usize| document.node_name(index);
     let mut parents: Vec<Option<usize>> = vec![None; nodes.len()];
     for (index, node) in nodes.iter().enumerate() {
         for child in node.children.iter().flatten() {
@@ -123,8 +120,7 @@ fn parents(document: &Document) -> Result<Vec<Option<usize>>> {
 /// The nodes at which the walk starts, so that it visits each node at most once: the listed nodes that are not below another listed node.
 /// Some exporters list a child of a node that is not in the scene. The child is then shown without its parent, as in other viewers.
 fn trees(document: &mut Document, parents: &[Option<usize>], listed: Vec<usize>) -> Result<Vec<usize>> {
-    let names = &document.root.nodes;
-    let name = |index: usize| object_name("node", index, names[index].name.as_ref());
+    let name = |index: usize| document.node_name(index);
     let mut is_listed = vec![false; parents.len()];
     for &root in &listed {
         if root >= parents.len() {
@@ -136,7 +132,7 @@ fn trees(document: &mut Document, parents: &[Option<usize>], listed: Vec<usize>)
             return Err(document.fault(format!("the scene lists {} twice", name(root))).help(FOREST));
         }
     }
-    let above = above(parents, &is_listed);
+    let is_below_listed = is_below_listed(document, parents, &is_listed);
     let mut trees = Vec::new();
     let mut warnings = Vec::new();
     for root in listed {
@@ -145,9 +141,9 @@ fn trees(document: &mut Document, parents: &[Option<usize>], listed: Vec<usize>)
             continue;
         };
         let what = format!("the scene lists {}, which is a child of {}", name(root), name(parent));
-        match above[root] {
-            Some(Above::Listed) => warnings.push(format!("{what}: it is shown once")),
-            Some(Above::Unlisted) => {
+        match is_below_listed[root] {
+            Some(true) => warnings.push(format!("{what}: it is shown once")),
+            Some(false) => {
                 let left_out = "but does not list that: the parent and its transform are left out";
                 warnings.push(format!("{what}, {left_out}"));
                 trees.push(root);
@@ -158,39 +154,19 @@ fn trees(document: &mut Document, parents: &[Option<usize>], listed: Vec<usize>)
             }
         }
     }
-    warnings.into_iter().for_each(|warning| document.warnings.add(warning));
+    warnings.into_iter().for_each(|warning| document.file.warn(warning));
     Ok(trees)
 }
 
-/// The kind of the nodes above a node.
-#[derive(Clone, Copy, PartialEq)]
-enum Above {
-    /// At least one of them is listed by the scene.
-    Listed,
-    /// None of them is listed by the scene, or there are none.
-    Unlisted,
-}
-
-/// The kind of the nodes above each node; `None` for nodes in a cycle or below one.
-fn above(parents: &[Option<usize>], is_listed: &[bool]) -> Vec<Option<Above>> {
-    let mut known: Vec<Option<Above>> = vec![None; parents.len()];
-    let mut is_visited = vec![false; parents.len()];
-    let mut path = Vec::new();
-    for start in 0..parents.len() {
-        let mut at = Some(start);
-        // The path goes up to the root, or to a node that was visited before. Thus each node is visited once.
-        while let Some(node) = at.filter(|&node| !std::mem::replace(&mut is_visited[node], true)) {
-            path.push(node);
-            at = parents[node];
-        }
-        while let Some(node) = path.pop() {
-            known[node] = match parents[node] {
-                None => Some(Above::Unlisted),
-                // If nothing is known of the parent, it was visited on this same path and belongs to a cycle.
-                Some(parent) if known[parent].is_some() && is_listed[parent] => Some(Above::Listed),
-                Some(parent) => known[parent],
-            };
-        }
+/// For each node, whether a node above it is listed by the scene; `None` for nodes in a cycle or below one.
+fn is_below_listed(document: &Document, parents: &[Option<usize>], is_listed: &[bool]) -> Vec<Option<bool>> {
+    let mut known = vec![None; parents.len()];
+    let tops = (0..parents.len()).filter(|&node| parents[node].is_none());
+    let mut stack: Vec<(usize, bool)> = tops.map(|node| (node, false)).collect();
+    while let Some((node, is_below)) = stack.pop() {
+        known[node] = Some(is_below);
+        let children = document.root.nodes[node].children.iter().flatten();
+        stack.extend(children.map(|child| (child.value(), is_below || is_listed[node])));
     }
     known
 }
@@ -217,10 +193,7 @@ fn local_transform(document: &Document, index: usize, node: &json::Node) -> Resu
         // glTF requires an affine matrix. The tolerance is for exporters that round.
         if !last.abs_diff_eq(glam::DVec4::W, 1e-6) {
             return Err(document
-                .fault(format!(
-                    "{}: its matrix is not affine",
-                    object_name("node", index, node.name.as_ref())
-                ))
+                .fault(format!("{}: its matrix is not affine", document.node_name(index)))
                 .help("the last row of a node's matrix must be 0 0 0 1"));
         }
         let translation = stated.unwrap_or(matrix.w_axis.truncate());
@@ -233,10 +206,7 @@ fn local_transform(document: &Document, index: usize, node: &json::Node) -> Resu
     let length = rotation.length();
     if !(length.is_finite() && length > 1e-6) {
         return Err(document
-            .fault(format!(
-                "{}: its rotation is not a unit quaternion",
-                object_name("node", index, node.name.as_ref())
-            ))
+            .fault(format!("{}: its rotation is not a unit quaternion", document.node_name(index)))
             .help("correct the node's rotation"));
     }
     Ok(DAffine3::from_scale_rotation_translation(scale, rotation.normalize(), translation))
@@ -287,7 +257,7 @@ fn by_label(document: &mut Document, surfaces: &[Surface]) -> Result<Naming> {
             .filter(|surface| surface.label.is_none())
             .map(|surface| surface.triangles.len())
             .sum();
-        document.warnings.add(format!(
+        document.file.warn(format!(
             "{count} triangles have no extras.region while others have one; they form the region `{}`",
             Label::Absent
         ));

@@ -13,8 +13,7 @@ use serde::Deserialize;
 use super::buffers::OpenAccessor;
 use super::extensions::INSTANCING;
 use super::nodes::Placed;
-use super::vertices::open_for;
-use super::{Document, buffers, object_name};
+use super::{Document, object_name, vertices};
 use crate::error::Result;
 
 /// An affine transform of points, with the corresponding transform of normals.
@@ -52,23 +51,19 @@ impl Transform {
 }
 
 /// The pose of a mesh: one transform for all vertices, or one for each vertex.
-pub(super) enum Pose<'a> {
+pub(super) enum Pose {
     /// The transform of the mesh's node, or of one of its instances.
     Rigid(Transform),
-    Skinned {
-        joints: Rc<[DAffine3]>,
-        influences: Influences<'a>,
-    },
+    /// One matrix for each joint of the skin.
+    Skinned(Rc<[DAffine3]>),
 }
 
-impl Pose<'_> {
+impl Pose {
     /// The transform of vertex `index`. `None` if the vertex is bound to no joint, or to a joint that the skin does not have.
-    pub(super) fn of(&self, index: usize) -> Option<Transform> {
+    pub(super) fn of(&self, index: usize, influences: &Influences<'_>) -> Option<Transform> {
         match self {
             Self::Rigid(transform) => Some(*transform),
-            Self::Skinned { joints, influences } => {
-                influences.matrix(index, joints).as_ref().map(Transform::new)
-            }
+            Self::Skinned(joints) => influences.matrix(index, joints).as_ref().map(Transform::new),
         }
     }
 }
@@ -98,17 +93,14 @@ pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> R
         return Ok(None);
     };
     let Attributes { translation, rotation, scale } = attributes;
-    let open =
-        |name: &str, accessor: Option<json::Index<json::Accessor>>, shape, components: &[ComponentType]| {
-            let what = format!("{what}: {name} of its instances");
-            accessor
-                .map(|accessor| buffers::open_accessor(document, &what, accessor, shape, components))
-                .transpose()
-        };
-    let translations = open("TRANSLATION", translation, Type::Vec3, &[ComponentType::F32])?;
-    let rotations =
-        open("ROTATION", rotation, Type::Vec4, &[ComponentType::F32, ComponentType::I8, ComponentType::I16])?;
-    let scales = open("SCALE", scale, Type::Vec3, &[ComponentType::F32])?;
+    let open = |name: &str, accessor, array| {
+        vertices::open(document, (what, &format!("{name} of its instances")), accessor, array, 0)
+    };
+    const FLOATS: &[ComponentType] = &[ComponentType::F32];
+    let translations = open("TRANSLATION", translation, (Type::Vec3, FLOATS))?;
+    let turns = [ComponentType::F32, ComponentType::I8, ComponentType::I16];
+    let rotations = open("ROTATION", rotation, (Type::Vec4, &turns))?;
+    let scales = open("SCALE", scale, (Type::Vec3, FLOATS))?;
     let counts = [&translations, &rotations, &scales].into_iter().flatten().map(|array| array.count);
     let (Some(least), Some(most)) = (counts.clone().min(), counts.max()) else { return Ok(Some(Vec::new())) };
     if least != most || most > MAX_INSTANCES {
@@ -183,13 +175,9 @@ impl Skins {
         }
         let skin = document.referred(&document.root.skins, user, "skin", index)?;
         let what = object_name("skin", index, skin.name.as_ref());
-        let inverse_bind = match skin.inverse_bind_matrices {
-            None => None,
-            Some(accessor) => {
-                let name = format!("{what}: inverseBindMatrices");
-                Some(buffers::open_accessor(document, &name, accessor, Type::Mat4, &[ComponentType::F32])?)
-            }
-        };
+        let array = (Type::Mat4, [ComponentType::F32].as_slice());
+        let inverse_bind =
+            vertices::open(document, (&what, "inverseBindMatrices"), skin.inverse_bind_matrices, array, 0)?;
         let mut matrices = Vec::new();
         for (position, joint) in skin.joints.iter().enumerate() {
             let Some(&Some(transform)) = self.placed.get(joint.value()) else {
@@ -225,6 +213,8 @@ fn affine(columns: [f32; 16]) -> Option<DAffine3> {
     })
 }
 
+/// The joints of each vertex of a primitive, with their weights; empty if the primitive has no skin.
+#[derive(Default)]
 pub(super) struct Influences<'a> {
     sets: Vec<(OpenAccessor<'a>, OpenAccessor<'a>)>,
 }
@@ -240,9 +230,18 @@ impl<'a> Influences<'a> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
         let mut sets = Vec::new();
         for set in 0.. {
-            let pair = (attribute(Semantic::Joints(set)), attribute(Semantic::Weights(set)));
-            let (joints, weights) = match pair {
-                (Some(joints), Some(weights)) if set < MAX_SETS => (joints, weights),
+            let open = |name: &str, semantic, components: &[ComponentType]| {
+                let name = format!("{name}_{set}");
+                vertices::open(document, (what, &name), attribute(semantic), (Type::Vec4, components), count)
+            };
+            let joints = open("JOINTS", Semantic::Joints(set), &[ComponentType::U8, ComponentType::U16])?;
+            let weights = open(
+                "WEIGHTS",
+                Semantic::Weights(set),
+                &[ComponentType::F32, ComponentType::U8, ComponentType::U16],
+            )?;
+            match (joints, weights) {
+                (Some(joints), Some(weights)) if set < MAX_SETS => sets.push((joints, weights)),
                 (None, None) if set > 0 => break,
                 (Some(_), Some(_)) => {
                     return Err(document
@@ -254,15 +253,7 @@ impl<'a> Influences<'a> {
                         "{what} is skinned, but lacks JOINTS_{set} or WEIGHTS_{set}"
                     )));
                 }
-            };
-            let open = |name: &str, accessor, components: &[ComponentType]| {
-                let what = format!("{what}: {name}_{set}");
-                open_for(document, &what, accessor, Type::Vec4, components, count)
-            };
-            sets.push((
-                open("JOINTS", joints, &[ComponentType::U8, ComponentType::U16])?,
-                open("WEIGHTS", weights, &[ComponentType::F32, ComponentType::U8, ComponentType::U16])?,
-            ));
+            }
         }
         Ok(Self { sets })
     }

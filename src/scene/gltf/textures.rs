@@ -12,7 +12,7 @@ use gltf_json::validation::Checked;
 use super::extensions::advice;
 use super::{Document, buffers, object_name};
 use crate::error::Result;
-use crate::scene::source::{Fault, Pictures, Texels};
+use crate::scene::source::{Fault, Texels};
 use crate::scene::{Texture, TextureRef, Wrap};
 
 pub(super) const WEBP: &str = "EXT_texture_webp";
@@ -24,7 +24,6 @@ pub(super) struct Textures {
     pub list: Vec<Texture>,
     /// The index in the list for each combination of the file's image index, the wrapping, and whether the texture is interpolated.
     index_of: HashMap<(usize, [Wrap; 2], bool), u32>,
-    pictures: Pictures,
 }
 
 pub(super) struct TextureUse {
@@ -68,7 +67,7 @@ impl Textures {
                 "{material}: its {role} texture reads TEXCOORD_{set}, and only 0 and 1 are supported"
             );
             let help = "export the scene with at most two sets of texture coordinates";
-            document.leave_out(fault, help, "the texture")?;
+            document.file.tolerate(fault, "the texture is left out", help)?;
             return Ok(None);
         }
         let [scale, offset] = [info.transform.scale.0, info.transform.offset.0].map(Vec2::from_array);
@@ -102,7 +101,7 @@ impl Textures {
                 self.index_of.insert((source, wrap, linear), position);
             }
             Err((fault, help)) => {
-                document.leave_out(fault, help, &format!("the {role} texture of {user}"))?;
+                document.file.tolerate(fault, &format!("the {role} texture of {user} is left out"), help)?;
                 let texels = vec![neutral(role)];
                 self.list.push(Texture { name: what, width: 1, height: 1, texels, wrap, linear });
             }
@@ -143,7 +142,7 @@ impl Textures {
                     .help("the file is incomplete: export it again"));
             }
         };
-        match self.pictures.decode(&bytes, file_name.map(Path::new)) {
+        match document.file.decode(&bytes, file_name.map(Path::new)) {
             Ok(picture) => Ok(Ok((what, picture))),
             Err(Fault { fault, help, is_unknown: true }) => Ok(Err((format!("{what} {fault}"), help))),
             Err(Fault { fault, help, .. }) => Err(document.fault(format!("{what} {fault}")).help(help)),

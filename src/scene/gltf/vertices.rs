@@ -54,39 +54,28 @@ impl<'a> Vertices<'a> {
         weights: &[f32],
     ) -> Result<Self> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
-        let Some(positions) = attribute(Semantic::Positions) else {
+        let position = attribute(Semantic::Positions);
+        let Some(positions) = open(document, (what, "POSITION"), position, (Type::Vec3, &COORDINATES), 0)?
+        else {
             return Err(document.damaged_mesh(format!("{what} has no POSITION")));
         };
-        let positions = buffers::open_accessor(
-            document,
-            &format!("{what}: POSITION"),
-            positions,
-            Type::Vec3,
-            &COORDINATES,
-        )?;
         let count = positions.count;
-        let open = |name: &str, semantic, shape, components| {
-            let Some(accessor) = attribute(semantic) else { return Ok(None) };
-            open_for(document, &format!("{what}: {name}"), accessor, shape, components, count).map(Some)
-        };
-        let normals = open("NORMAL", Semantic::Normals, Type::Vec3, &COORDINATES)?;
+        let open =
+            |name: &str, semantic, array| open(document, (what, name), attribute(semantic), array, count);
+        let normals = open("NORMAL", Semantic::Normals, (Type::Vec3, &COORDINATES))?;
         let mut texcoords = [None; 2];
         for (_, texture) in material.textures() {
             let set = texture.set;
             let name = format!("TEXCOORD_{set}");
-            texcoords[set as usize] = open(&name, Semantic::TexCoords(set), Type::Vec2, &COORDINATES)?;
+            texcoords[set as usize] = open(&name, Semantic::TexCoords(set), (Type::Vec2, &COORDINATES))?;
         }
-        let colors = match attribute(Semantic::Colors(0)) {
-            None => None,
-            Some(accessor) => {
-                let source = document.root.accessors.get(accessor.value());
-                let shape = match source.map(|source| source.type_) {
-                    Some(Checked::Valid(Type::Vec3)) => Type::Vec3,
-                    _ => Type::Vec4,
-                };
-                open("COLOR_0", Semantic::Colors(0), shape, &COLORS)?.map(|array| (array, shape))
-            }
+        let color = attribute(Semantic::Colors(0));
+        let color = color.and_then(|accessor| document.root.accessors.get(accessor.value()));
+        let shape = match color.map(|source| source.type_) {
+            Some(Checked::Valid(Type::Vec3)) => Type::Vec3,
+            _ => Type::Vec4,
         };
+        let colors = open("COLOR_0", Semantic::Colors(0), (shape, &COLORS))?.map(|array| (array, shape));
         let targets = open_targets(document, what, primitive, weights, count)?;
         Ok(Self { positions, normals, texcoords, colors, targets, count })
     }
@@ -146,14 +135,12 @@ fn open_targets<'a>(
                 .help("correct the weights of the mesh or the node"));
         }
         let open = |name: &str, accessor: Option<json::Index<json::Accessor>>| {
-            let Some(accessor) = accessor else { return Ok(None) };
-            let source = document.root.accessors.get(accessor.value());
+            let source = accessor.and_then(|accessor| document.root.accessors.get(accessor.value()));
             // An accessor without data stands for zeros, which move no vertex.
-            if source.is_some_and(|source| source.buffer_view.is_none() && source.sparse.is_none()) {
-                return Ok(None);
-            }
-            let what = format!("{what}: {name} of its morph target {index}");
-            open_for(document, &what, accessor, Type::Vec3, &COORDINATES, count).map(Some)
+            let is_zero =
+                source.is_some_and(|source| source.buffer_view.is_none() && source.sparse.is_none());
+            let name = format!("{name} of its morph target {index}");
+            open(document, (what, &name), accessor.filter(|_| !is_zero), (Type::Vec3, &COORDINATES), count)
         };
         let positions = open("POSITION", target.positions)?;
         let normals = open("NORMAL", target.normals)?;
@@ -164,22 +151,23 @@ fn open_targets<'a>(
     Ok(targets)
 }
 
-/// Opens an attribute and checks that it has an element for each of `count` vertices.
-pub(super) fn open_for<'a>(
+/// Opens an array, if there is one, and checks that it has at least `least` elements. `what` names its user, and `name` the array.
+pub(super) fn open<'a>(
     document: &'a Document,
-    what: &str,
-    accessor: json::Index<json::Accessor>,
-    shape: Type,
-    components: &[ComponentType],
-    count: usize,
-) -> Result<OpenAccessor<'a>> {
-    let array = buffers::open_accessor(document, what, accessor, shape, components)?;
-    if array.count < count {
+    (what, name): (&str, &str),
+    accessor: Option<json::Index<json::Accessor>>,
+    (shape, components): (Type, &[ComponentType]),
+    least: usize,
+) -> Result<Option<OpenAccessor<'a>>> {
+    let Some(accessor) = accessor else { return Ok(None) };
+    let what = format!("{what}: {name}");
+    let array = buffers::open_accessor(document, &what, accessor, shape, components)?;
+    if array.count < least {
         return Err(
-            document.damaged_mesh(format!("{what} has {} elements for {count} vertices", array.count))
+            document.damaged_mesh(format!("{what} has {} elements for {least} vertices", array.count))
         );
     }
-    Ok(array)
+    Ok(Some(array))
 }
 
 const INDICES: [ComponentType; 3] = [ComponentType::U8, ComponentType::U16, ComponentType::U32];
@@ -202,18 +190,8 @@ impl<'a> Corners<'a> {
             Checked::Valid(mode) => mode,
             Checked::Invalid => Mode::Triangles,
         };
-        let indices = primitive
-            .indices
-            .map(|indices| {
-                buffers::open_accessor(
-                    document,
-                    &format!("{what}: its index list"),
-                    indices,
-                    Type::Scalar,
-                    &INDICES,
-                )
-            })
-            .transpose()?;
+        let indices =
+            open(document, (what, "its index list"), primitive.indices, (Type::Scalar, &INDICES), 0)?;
         let corners = indices.map_or(vertices, |indices| indices.count);
         let triangles = match mode {
             Mode::TriangleStrip | Mode::TriangleFan => corners.saturating_sub(2),

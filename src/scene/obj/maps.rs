@@ -9,16 +9,14 @@ use glam::{Affine2, Mat2, Vec2};
 use super::statements::shortened;
 use crate::error::{Error, Result};
 use crate::file;
-use crate::scene::source::{self, ContentHash, Fault, Pictures, Texels};
+use crate::scene::source::{self, Fault, SceneFile, Texels};
 use crate::scene::{Texture, TextureRef, Wrap};
 
-pub(super) struct Maps<'a> {
-    scene: &'a Path,
+/// The textures of the materials, in the order of their first use.
+#[derive(Default)]
+pub(super) struct Maps {
     pub textures: Vec<Texture>,
-    index_of: HashMap<(Option<PathBuf>, Option<PathBuf>, bool), u32>,
-    pictures: Pictures,
-    strict: bool,
-    pub missing: Vec<String>,
+    index_of: HashMap<([Option<PathBuf>; 2], bool), u32>,
 }
 
 #[derive(Clone, PartialEq)]
@@ -29,45 +27,37 @@ struct Map {
     clamp: bool,
 }
 
-impl<'a> Maps<'a> {
-    pub(super) fn new(scene: &'a Path, strict: bool) -> Self {
-        let (textures, index_of, pictures, missing) = Default::default();
-        Self { scene, textures, index_of, pictures, strict, missing }
-    }
-
+impl Maps {
     /// The texture of a map, with another map as its alpha: `map_Kd` and `map_d`.
     pub(super) fn texture(
         &mut self,
         material: &str,
-        color: Option<&str>,
-        opacity: Option<&str>,
-        hash: &mut ContentHash,
+        maps: [Option<&str>; 2],
+        file: &mut SceneFile,
     ) -> Result<Option<TextureRef>> {
-        let color = color.map(|text| self.parse(material, text)).transpose()?;
-        let opacity = opacity.map(|text| self.parse(material, text)).transpose()?;
-        let [color, opacity] = [color, opacity].map(|map| map.filter(|map| self.is_there(material, map)));
-        let placed = match (&color, &opacity) {
-            (None, None) => return Ok(None),
-            (Some(color), Some(opacity)) => {
+        let mut found = [None, None];
+        for (found, text) in found.iter_mut().zip(maps) {
+            let map = text.map(|text| parse(file, material, text)).transpose()?;
+            *found = map.filter(|map| is_there(file, material, map));
+        }
+        let placed = match &found {
+            [None, None] => return Ok(None),
+            [Some(color), Some(opacity)] => {
                 let same = Map { file: color.file.clone(), ..opacity.clone() } == *color;
                 if !same {
-                    return Err(Error::scene(
-                        self.scene,
-                        format!("material `{material}`: map_Kd and map_d have different options"),
-                    )
-                    .help("give both the same -o, -s and -clamp"));
+                    return Err(file
+                        .fault(format!("material `{material}`: map_Kd and map_d have different options"))
+                        .help("give both the same -o, -s and -clamp"));
                 }
                 color.clone()
             }
-            (Some(map), None) | (None, Some(map)) => map.clone(),
+            [Some(map), None] | [None, Some(map)] => map.clone(),
         };
-        let key = (color.map(|color| color.file), opacity.map(|opacity| opacity.file), placed.clamp);
+        let key = (found.map(|map| map.map(|map| map.file)), placed.clamp);
         let texture = match self.index_of.get(&key) {
             Some(&texture) => texture,
             None => {
-                let (color, opacity, _) = &key;
-                let picture = self.combined(material, color.as_deref(), opacity.as_deref(), hash)?;
-                let Texels { width, height, texels } = picture;
+                let Texels { width, height, texels } = combined(file, material, &key.0)?;
                 let name = placed.file.display().to_string();
                 let wrap = [if placed.clamp { Wrap::ClampToEdge } else { Wrap::Repeat }; 2];
                 self.textures.push(Texture { name, width, height, texels, wrap, linear: true });
@@ -83,133 +73,122 @@ impl<'a> Maps<'a> {
             Affine2::from_mat2_translation(Mat2::from_diagonal(Vec2::new(scale_u, scale_v)), offset);
         Ok(Some(TextureRef { transform, ..TextureRef::new(texture) }))
     }
+}
 
-    /// Whether the picture of a map exists and has a supported format. If not, a warning says that the material is shown without it. In a
-    /// strictly read scene, the result is `true`, and reading the picture is an error.
-    fn is_there(&mut self, material: &str, map: &Map) -> bool {
-        let is_missing = !self.strict && source::is_missing(&map.file);
-        if is_missing {
-            let picture = map.file.display();
-            self.missing
-                .push(format!("material `{material}`: its picture {picture} is missing, and left out"));
-            return false;
-        }
-        if self.strict {
-            return true;
-        }
-        // A file that cannot be opened is an error when it is read.
-        let mut beginning = [0; 16];
-        let read = file::open(&map.file).ok().and_then(|mut file| file.read(&mut beginning).ok());
-        let unread = read.and_then(|length| source::unread(&beginning[..length], &map.file));
-        if let Some(Fault { fault, help, .. }) = &unread {
-            let picture = map.file.display();
-            self.missing
-                .push(format!("material `{material}`: its picture {picture} {fault}, and left out; {help}"));
-        }
-        unread.is_none()
+/// Whether the picture of a map exists and has a supported format. If not, a warning says that the material is shown without it. In a
+/// strictly read scene, the result is `true`, and reading the picture is an error.
+fn is_there(scene: &mut SceneFile, material: &str, map: &Map) -> bool {
+    if scene.strict {
+        return true;
     }
+    let picture = format!("material `{material}`: its picture {}", map.file.display());
+    if source::is_missing(&map.file) {
+        scene.warn(format!("{picture} is missing, and left out"));
+        return false;
+    }
+    // A file that cannot be opened is an error when it is read.
+    let mut beginning = [0; 16];
+    let read = file::open(&map.file).ok().and_then(|mut file| file.read(&mut beginning).ok());
+    let unread = read.and_then(|length| source::unread(&beginning[..length], &map.file));
+    if let Some(Fault { fault, help, .. }) = &unread {
+        scene.warn(format!("{picture} {fault}, and left out; {help}"));
+    }
+    unread.is_none()
+}
 
-    fn combined(
-        &mut self,
-        material: &str,
-        color: Option<&Path>,
-        opacity: Option<&Path>,
-        hash: &mut ContentHash,
-    ) -> Result<Texels> {
-        let same = color == opacity;
-        let opacity = opacity.filter(|_| !same);
-        let color = color.map(|file| self.read(material, file, hash)).transpose()?;
-        let opacity = opacity.map(|file| self.read(material, file, hash)).transpose()?;
-        Ok(match (color, opacity) {
-            // If a picture is its own opacity map, its alpha is the opacity.
-            (Some(color), None) if same => color,
-            (Some(mut color), None) => {
-                // Without a `map_d`, the picture's alpha is ignored.
-                color.texels.iter_mut().for_each(|texel| texel[3] = 255);
-                color
+/// The texels of a picture with another picture as its opacity.
+fn combined(scene: &mut SceneFile, material: &str, files: &[Option<PathBuf>; 2]) -> Result<Texels> {
+    let [color, opacity] = files;
+    let same = color == opacity;
+    let mut read = |picture: &Option<PathBuf>| {
+        picture.as_ref().map(|picture| read_picture(scene, material, picture)).transpose()
+    };
+    let color = read(color)?;
+    let opacity = if same { None } else { read(opacity)? };
+    Ok(match (color, opacity) {
+        // If a picture is its own opacity map, its alpha is the opacity.
+        (Some(color), None) if same => color,
+        (Some(mut color), None) => {
+            // Without a `map_d`, the picture's alpha is ignored.
+            color.texels.iter_mut().for_each(|texel| texel[3] = 255);
+            color
+        }
+        (None, Some(mut opacity)) => {
+            let alpha = opacity_channel(&opacity);
+            opacity.texels.iter_mut().for_each(|texel| *texel = [255, 255, 255, alpha(*texel)]);
+            opacity
+        }
+        (Some(color), Some(opacity)) => with_opacity(color, &opacity),
+        (None, None) => Texels { width: 1, height: 1, texels: vec![[255; 4]] },
+    })
+}
+
+fn read_picture(scene: &mut SceneFile, material: &str, picture: &Path) -> Result<Texels> {
+    let bytes = scene.read_other(&format!("material `{material}`"), picture)?;
+    scene
+        .decode(&bytes, Some(picture))
+        .map_err(|what| Error::scene(picture, format!("the picture {}", what.fault)).help(what.help))
+}
+
+/// Parses the arguments `-o u v w -s u v w … FILE`.
+fn parse(scene: &mut SceneFile, material: &str, text: &str) -> Result<Map> {
+    let what = format!("material `{material}`: `{}`", shortened(text));
+    let bad = |scene: &SceneFile, why: &str| {
+        scene
+            .fault(format!("{what} {why}"))
+            .help("give the options -o, -s and -clamp, and a file next to the scene")
+    };
+    let mut map = Map { file: PathBuf::new(), offset: Vec2::ZERO, scale: Vec2::ONE, clamp: false };
+    let mut rest = text.trim();
+    while let Some(option) = rest.strip_prefix('-') {
+        let (name, arguments) = option.split_once(char::is_whitespace).unwrap_or((option, ""));
+        rest = arguments.trim_start();
+        // The options -t (random distortion), -mm (contrast) and -imfchan (choice of a channel) only give a warning.
+        let most = match name {
+            "o" | "s" | "t" => 3,
+            "mm" => 2,
+            "clamp" | "blendu" | "blendv" | "cc" | "bm" | "boost" | "texres" => 1,
+            "imfchan" | "type" | "colorspace" => {
+                rest = rest.split_once(char::is_whitespace).map_or("", |(_, after)| after.trim_start());
+                0
             }
-            (None, Some(mut opacity)) => {
-                let alpha = opacity_channel(&opacity);
-                opacity.texels.iter_mut().for_each(|texel| *texel = [255, 255, 255, alpha(*texel)]);
-                opacity
-            }
-            (Some(color), Some(opacity)) => with_opacity(color, &opacity),
-            (None, None) => Texels { width: 1, height: 1, texels: vec![[255; 4]] },
-        })
-    }
-
-    fn read(&mut self, material: &str, file: &Path, hash: &mut ContentHash) -> Result<Texels> {
-        let bytes = source::read(self.scene, &format!("material `{material}`"), file)?;
-        hash.add(&bytes);
-        self.pictures
-            .decode(&bytes, Some(file))
-            .map_err(|what| Error::scene(file, format!("the picture {}", what.fault)).help(what.help))
-    }
-
-    /// Parses the arguments `-o u v w -s u v w … FILE`.
-    fn parse(&mut self, material: &str, text: &str) -> Result<Map> {
-        let scene = self.scene;
-        let bad = |what: &str| {
-            Error::scene(scene, format!("material `{material}`: `{}` {what}", shortened(text)))
-                .help("give the options -o, -s and -clamp, and a file next to the scene")
+            _ => return Err(bad(scene, "has an option that is not known")),
         };
-        let mut map = Map { file: PathBuf::new(), offset: Vec2::ZERO, scale: Vec2::ONE, clamp: false };
-        let mut rest = text.trim();
-        while let Some(option) = rest.strip_prefix('-') {
-            let (name, arguments) = option.split_once(char::is_whitespace).unwrap_or((option, ""));
-            rest = arguments.trim_start();
-            // The options -t (random distortion), -mm (contrast) and -imfchan (choice of a channel) only give a warning.
-            let most = match name {
-                "o" | "s" | "t" => 3,
-                "mm" => 2,
-                "clamp" | "blendu" | "blendv" | "cc" | "bm" | "boost" | "texres" => 1,
-                "imfchan" | "type" | "colorspace" => {
-                    rest = rest.split_once(char::is_whitespace).map_or("", |(_, after)| after.trim_start());
-                    0
-                }
-                _ => return Err(bad("has an option that is not known")),
-            };
-            if matches!(name, "t" | "mm" | "imfchan") {
-                let what = shortened(text);
-                self.missing
-                    .push(format!("material `{material}`: the option -{name} of `{what}` is ignored"));
-            }
-            let mut values = Vec::new();
-            while values.len() < most {
-                let (word, after) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
-                let is_switch = matches!(word, "on" | "off");
-                if word.parse::<f32>().is_err() && !is_switch {
-                    break;
-                }
-                values.push(word);
-                rest = after.trim_start();
-            }
-            let number = |index: usize, default: f32| match values.get(index) {
-                None => Ok(default),
-                Some(word) => {
-                    let number = word.parse::<f32>().ok().filter(|number: &f32| number.is_finite());
-                    number.ok_or_else(|| bad("has an option that is no number"))
-                }
-            };
-            match name {
-                "o" => map.offset = Vec2::new(number(0, 0.0)?, number(1, 0.0)?),
-                "s" => map.scale = Vec2::new(number(0, 1.0)?, number(1, 1.0)?),
-                "clamp" => map.clamp = values.first() == Some(&"on"),
-                _ => {}
-            }
+        if matches!(name, "t" | "mm" | "imfchan") {
+            let what = shortened(text);
+            scene.warn(format!("material `{material}`: the option -{name} of `{what}` is ignored"));
         }
-        if rest.is_empty() {
-            return Err(bad("names no picture"));
+        let mut values = Vec::new();
+        while values.len() < most {
+            let (word, after) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
+            let is_switch = matches!(word, "on" | "off");
+            if word.parse::<f32>().is_err() && !is_switch {
+                break;
+            }
+            values.push(word);
+            rest = after.trim_start();
         }
-        let name = rest.replace('\\', "/");
-        map.file = match (source::next_to(self.scene, &name), source::same_name(self.scene, &name)) {
-            (Ok(file), _) => file,
-            // The path belongs to another computer.
-            (Err(_), Some(file)) if !self.strict => file,
-            (Err(what), _) => return Err(bad(&format!("is {what}; only files next to the scene are read"))),
+        let number = |index: usize, default: f32| match values.get(index) {
+            None => Ok(default),
+            Some(word) => {
+                let number = word.parse::<f32>().ok().filter(|number: &f32| number.is_finite());
+                number.ok_or_else(|| bad(scene, "has an option that is no number"))
+            }
         };
-        Ok(map)
+        match name {
+            "o" => map.offset = Vec2::new(number(0, 0.0)?, number(1, 0.0)?),
+            "s" => map.scale = Vec2::new(number(0, 1.0)?, number(1, 1.0)?),
+            "clamp" => map.clamp = values.first() == Some(&"on"),
+            _ => {}
+        }
     }
+    if rest.is_empty() {
+        return Err(bad(scene, "names no picture"));
+    }
+    map.file = scene
+        .resolve(rest)
+        .map_err(|what| bad(scene, &format!("is {what}; only files next to the scene are read")))?;
+    Ok(map)
 }
 
 /// Adds `opacity` as alpha, sampled at the nearest texel if the pictures differ in size.

@@ -27,8 +27,8 @@ use indexmap::IndexSet;
 
 use super::maps::Maps;
 use super::statements::{Checked, Line, UNNAMED, shortened, statements};
-use crate::error::{Error, Result};
-use crate::scene::source::{self, ContentHash, Warnings};
+use crate::error::Result;
+use crate::scene::source::{self, SceneFile};
 use crate::scene::{AlphaMode, Material, Texture, Volume};
 
 pub(super) struct ObjMaterials {
@@ -48,24 +48,16 @@ impl ObjMaterials {
     }
 
     /// The material `material` without its textures, with a warning. In a strictly read scene, this is an error.
-    pub(super) fn without_textures(
-        &mut self,
-        path: &Path,
-        material: u32,
-        strict: bool,
-        warnings: &mut Warnings,
-    ) -> Result<u32> {
+    pub(super) fn without_textures(&mut self, material: u32, file: &mut SceneFile) -> Result<u32> {
         if let Some(&bare) = self.bare.get(&material) {
             return Ok(bare);
         }
         let mut bare = self.list[material as usize].clone();
-        let what =
-            format!("faces of material `{}` have no texture coordinates, but it has a texture", bare.name);
-        let help = "unwrap the mesh, or remove the texture from the material";
-        if strict {
-            return Err(Error::scene(path, what).help(help));
-        }
-        warnings.add(format!("{what}: they are shown without it; {help}"));
+        file.tolerate(
+            format!("faces of material `{}` have no texture coordinates, but it has a texture", bare.name),
+            "they are shown without it",
+            "unwrap the mesh, or remove the texture from the material",
+        )?;
         bare.retain_textures(|_| false);
         self.list.push(bare);
         let index = self.list.len() as u32 - 1;
@@ -79,22 +71,15 @@ fn without_comment(name: &str) -> &str {
 }
 
 /// Reads the libraries of the file and converts the entries that its faces use.
-pub(super) fn load(
-    path: &Path,
-    checked: &Checked,
-    strict: bool,
-    hash: &mut ContentHash,
-    warnings: &mut Warnings,
-) -> Result<ObjMaterials> {
+pub(super) fn load(checked: &Checked, file: &mut SceneFile) -> Result<ObjMaterials> {
     let mut found: HashMap<String, Entry> = HashMap::new();
-    for file in libraries(path, &checked.libraries, strict)? {
-        if !strict && source::is_missing(&file) {
-            warnings.add(format!("the material library {} is missing", file.display()));
+    for library in libraries(&checked.libraries, file)? {
+        if !file.strict && source::is_missing(&library) {
+            file.warn(format!("the material library {} is missing", library.display()));
             continue;
         }
-        let bytes = source::read(path, "mtllib", &file)?;
-        hash.add(&bytes);
-        for entry in entries(&file, &source::text(&bytes), warnings)? {
+        let bytes = file.read_other("mtllib", &library)?;
+        for entry in entries(&library, &source::text(&bytes), file)? {
             // A number sign in a name may begin a comment, or belong to the name.
             let plain = without_comment(&entry.name);
             if plain != entry.name {
@@ -103,43 +88,36 @@ pub(super) fn load(
             found.insert(entry.name.clone(), entry);
         }
     }
-    let mut maps = Maps::new(path, strict);
+    let mut maps = Maps::default();
     let mut list = Vec::new();
     let mut indices = Vec::new();
     for name in &checked.materials {
         let entry = found.get(name).or_else(|| found.get(without_comment(name)));
         indices.push(entry.map(|_| list.len() as u32));
         match entry {
-            Some(entry) => list.push(convert(entry, &mut maps, hash)?),
-            None => warnings.add(format!("material `{name}` is in no library; its faces are matte")),
+            Some(entry) => list.push(convert(entry, &mut maps, file)?),
+            None => file.warn(format!("material `{name}` is in no library; its faces are matte")),
         }
     }
-    maps.missing.drain(..).for_each(|warning| warnings.add(warning));
     let matte = list.len() as u32;
     list.push(Material { name: "matte".into(), base_color: Vec3::splat(0.8), ..Material::default() });
     let index_of = indices.into_iter().map(|index| index.unwrap_or(matte)).collect();
-    let bare = HashMap::new();
-    Ok(ObjMaterials { list, textures: maps.textures, index_of, matte, bare })
+    Ok(ObjMaterials { list, textures: maps.textures, index_of, matte, bare: HashMap::new() })
 }
 
 /// The library files. A name may contain spaces, a line may have several names, and a comment may follow.
-fn libraries(path: &Path, lines: &IndexSet<String>, strict: bool) -> Result<IndexSet<PathBuf>> {
+fn libraries(lines: &IndexSet<String>, scene: &SceneFile) -> Result<IndexSet<PathBuf>> {
     let mut files = IndexSet::new();
     let mut count = 0;
-    for line in lines {
-        let resolve = |name: &str| {
+    let resolve = |name: &str| {
+        scene.resolve(name).map_err(|what| {
             let name = name.replace('\\', "/");
-            match (source::next_to(path, &name), source::same_name(path, &name)) {
-                (Ok(file), _) => Ok(file),
-                // The path belongs to another computer.
-                (Err(_), Some(file)) if !strict => Ok(file),
-                (Err(what), _) => Err(Error::scene(
-                    path,
-                    format!("mtllib: `{name}` is {what}; only files next to the scene are read"),
-                )
-                .help("put the library next to the scene and refer to it by a relative path")),
-            }
-        };
+            scene
+                .fault(format!("mtllib: `{name}` is {what}; only files next to the scene are read"))
+                .help("put the library next to the scene and refer to it by a relative path")
+        })
+    };
+    for line in lines {
         let whole = resolve(line)?;
         if whole.is_file() || !line.contains(char::is_whitespace) {
             files.insert(whole);
@@ -154,7 +132,7 @@ fn libraries(path: &Path, lines: &IndexSet<String>, strict: bool) -> Result<Inde
         }
         if count > MAX_LIBRARIES {
             let what = format!("more than {MAX_LIBRARIES} names of material libraries");
-            return Err(Error::scene(path, what).help("join them into one library"));
+            return Err(scene.fault(what).help("join them into one library"));
         }
     }
     Ok(files)
@@ -190,28 +168,17 @@ fn names(line: &str, is_file: impl Fn(&str) -> bool) -> Vec<&str> {
     names
 }
 
+/// The supported statements of a material, by their keywords.
 #[derive(Clone, Default)]
 struct Entry {
     name: String,
-    diffuse: Option<Vec3>,
-    specular: Option<Vec3>,
-    emission: Option<Vec3>,
-    /// `Tf`, the tint of glass.
-    filter: Option<Vec3>,
-    /// `Ns`, the exponent of a highlight.
-    shininess: Option<f32>,
-    ior: Option<f32>,
-    opacity: Option<f32>,
-    roughness: Option<f32>,
-    metallic: Option<f32>,
-    model: Option<u8>,
-    diffuse_map: Option<String>,
-    opacity_map: Option<String>,
-    emission_map: Option<String>,
-    normal_map: Option<String>,
+    colors: HashMap<String, Vec3>,
+    /// `Tr` is stored as `d`.
+    numbers: HashMap<String, f32>,
+    maps: HashMap<String, String>,
 }
 
-fn entries(path: &Path, text: &str, warnings: &mut Warnings) -> Result<Vec<Entry>> {
+fn entries(path: &Path, text: &str, file: &mut SceneFile) -> Result<Vec<Entry>> {
     let mut entries: Vec<Entry> = Vec::new();
     statements(path, text, |line| {
         if line.keyword == "newmtl" {
@@ -224,12 +191,9 @@ fn entries(path: &Path, text: &str, warnings: &mut Warnings) -> Result<Vec<Entry
         };
         if !entry.state(line)? {
             let spectral = if is_spectral(line) { " spectral" } else { "" };
-            let what = format!(
-                "material `{}`: `{}{spectral}` is not supported and ignored",
-                shortened(&entry.name),
-                shortened(line.keyword)
-            );
-            warnings.add_once(&what, format!("{what} ({})", line.place()));
+            let (name, keyword) = (shortened(&entry.name), shortened(line.keyword));
+            let what = format!("material `{name}`: `{keyword}{spectral}` is not supported and ignored");
+            file.warn_once(&what, format!("{what} ({})", line.place()));
         }
         Ok(())
     })?;
@@ -240,40 +204,37 @@ impl Entry {
     /// Takes one statement. Returns whether it is supported.
     fn state(&mut self, line: &Line<'_>) -> Result<bool> {
         let keyword = line.keyword;
-        match keyword {
+        let (keyword, number) = match keyword {
             "Kd" | "Ks" | "Ke" | "Tf" if is_spectral(line) => return Ok(false),
-            "Kd" => self.diffuse = Some(color(line)?),
-            "Ks" => self.specular = Some(color(line)?),
-            "Ke" => self.emission = Some(color(line)?),
-            "Tf" => self.filter = Some(color(line)?),
-            "Ns" => self.shininess = Some(not_negative(line)?),
-            "Ni" => self.ior = Some(not_negative(line)?),
-            // With `-halo`, the number is the coverage of a surface seen face on.
-            "d" => self.opacity = Some(fraction(&line.after("-halo").unwrap_or(*line))?),
-            "Pr" => self.roughness = Some(fraction(line)?),
-            "Pm" => self.metallic = Some(fraction(line)?),
-            // A material without any coverage would be invisible. Writers such as MeshLab mean full coverage by a `Tr` of 1.
-            "Tr" => {
-                let transparency = fraction(line)?;
-                self.opacity = Some(if transparency == 1.0 { 1.0 } else { 1.0 - transparency });
+            "Kd" | "Ks" | "Ke" | "Tf" => {
+                self.colors.insert(keyword.to_owned(), color(line)?);
+                return Ok(true);
             }
+            "map_Kd" | "map_d" | "map_Ke" | "norm" if line.rest.is_empty() => {
+                return Err(line.fault(format!("`{keyword}` names no picture")));
+            }
+            "map_Kd" | "map_d" | "map_Ke" | "norm" => {
+                self.maps.insert(keyword.to_owned(), line.rest.to_owned());
+                return Ok(true);
+            }
+            "Ns" | "Ni" => (keyword, not_negative(line)?),
+            "Pr" | "Pm" => (keyword, fraction(line)?),
+            // With `-halo`, the number is the coverage of a surface seen face on.
+            "d" => ("d", fraction(&line.after("-halo").unwrap_or(*line))?),
+            // A material without any coverage would be invisible. Writers such as MeshLab mean full coverage by a `Tr` of 1.
+            "Tr" => match fraction(line)? {
+                1.0 => ("d", 1.0),
+                transparency => ("d", 1.0 - transparency),
+            },
             "illum" => match line.number()? {
-                model if (0.0..=10.0).contains(&model) && model.fract() == 0.0 => {
-                    self.model = Some(model as u8);
-                }
+                model if (0.0..=10.0).contains(&model) && model.fract() == 0.0 => (keyword, model),
                 _ => return Err(line.fault("`illum` takes an integer from 0 to 10")),
             },
-            "map_Kd" | "map_d" | "map_Ke" | "norm" if line.rest.is_empty() => {
-                return Err(line.fault(&format!("`{keyword}` names no picture")));
-            }
-            "map_Kd" => self.diffuse_map = Some(line.rest.to_owned()),
-            "map_d" => self.opacity_map = Some(line.rest.to_owned()),
-            "map_Ke" => self.emission_map = Some(line.rest.to_owned()),
-            "norm" => self.normal_map = Some(line.rest.to_owned()),
             // Ambient colour has no counterpart here, and `sharpness` applies to environment maps only.
-            "Ka" | "map_Ka" | "sharpness" | "map_aat" => {}
+            "Ka" | "map_Ka" | "sharpness" | "map_aat" => return Ok(true),
             _ => return Ok(false),
-        }
+        };
+        self.numbers.insert(keyword.to_owned(), number);
         Ok(true)
     }
 }
@@ -304,34 +265,37 @@ fn color(line: &Line<'_>) -> Result<Vec3> {
 fn not_negative(line: &Line<'_>) -> Result<f32> {
     match line.number()? {
         number if number >= 0.0 => Ok(number),
-        _ => Err(line.fault(&format!("`{}` is negative", line.keyword))),
+        _ => Err(line.fault(format!("`{}` is negative", line.keyword))),
     }
 }
 
 fn fraction(line: &Line<'_>) -> Result<f32> {
     match line.number()? {
         number if (0.0..=1.0).contains(&number) => Ok(number),
-        _ => Err(line.fault(&format!("`{}` lies outside 0 to 1", line.keyword))),
+        _ => Err(line.fault(format!("`{}` lies outside 0 to 1", line.keyword))),
     }
 }
 
-fn convert(entry: &Entry, maps: &mut Maps<'_>, hash: &mut ContentHash) -> Result<Material> {
-    let clamped = |color: Option<Vec3>| color.map(|color| color.min(Vec3::ONE));
-    let Entry { roughness, metallic, filter, model, .. } = *entry;
-    let diffuse = clamped(entry.diffuse).unwrap_or(Vec3::splat(0.8));
+fn convert(entry: &Entry, maps: &mut Maps, file: &mut SceneFile) -> Result<Material> {
+    let color = |keyword: &str| entry.colors.get(keyword).copied();
+    let clamped = |keyword: &str| color(keyword).map(|color| color.min(Vec3::ONE));
+    let number = |keyword: &str| entry.numbers.get(keyword).copied();
+    let map = |keyword: &str| entry.maps.get(keyword).map(String::as_str);
+    let (metallic, model) = (number("Pm"), number("illum").map(|model| model as u8));
+    let diffuse = clamped("Kd").unwrap_or(Vec3::splat(0.8));
     // Nothing would be visible of a picture in black. Writers mean the picture as it is.
-    let diffuse = if entry.diffuse_map.is_some() && diffuse == Vec3::ZERO { Vec3::ONE } else { diffuse };
+    let diffuse = if map("map_Kd").is_some() && diffuse == Vec3::ZERO { Vec3::ONE } else { diffuse };
     let shiny = model.is_none_or(|model| model >= 2);
-    let specular = clamped(entry.specular).filter(|_| shiny).unwrap_or(Vec3::ZERO);
-    let opacity = entry.opacity.unwrap_or(1.0);
+    let specular = clamped("Ks").filter(|_| shiny).unwrap_or(Vec3::ZERO);
+    let opacity = number("d").unwrap_or(1.0);
     let glass = matches!(model, Some(4 | 6 | 7 | 9))
-        && (filter.is_some() || (opacity == 1.0 && entry.opacity_map.is_none()));
+        && (color("Tf").is_some() || (opacity == 1.0 && map("map_d").is_none()));
     let metal = !glass
         && metallic.is_none()
         && diffuse.max_element() < 0.01
         && specular.max_element() > 0.1
-        && entry.diffuse_map.is_none();
-    let roughness = match (roughness, entry.shininess) {
+        && map("map_Kd").is_none();
+    let roughness = match (number("Pr"), number("Ns")) {
         (Some(roughness), _) => roughness,
         _ if glass => 0.0,
         // Roughness is the square root of the microfacet width `α`.
@@ -345,15 +309,15 @@ fn convert(entry: &Entry, maps: &mut Maps<'_>, hash: &mut ContentHash) -> Result
         roughness,
         metallic: metallic.unwrap_or(0.0),
         // Exporters write an index of 1 if they do not know it.
-        ior: entry.ior.filter(|ior| *ior > 1.0).unwrap_or(1.5),
-        emission: entry.emission.unwrap_or(Vec3::ZERO),
+        ior: number("Ni").filter(|ior| *ior > 1.0).unwrap_or(1.5),
+        emission: color("Ke").unwrap_or(Vec3::ZERO),
         ..Material::default()
     };
     if glass {
-        material.base_color = clamped(filter).unwrap_or(Vec3::ONE);
+        material.base_color = clamped("Tf").unwrap_or(Vec3::ONE);
         material.specular = 1.0;
         material.transmission = 1.0;
-        material.ior = entry.ior.filter(|ior| *ior >= 1.0).unwrap_or(1.5);
+        material.ior = number("Ni").filter(|ior| *ior >= 1.0).unwrap_or(1.5);
         material.volume = Some(Volume { attenuation_color: Vec3::ONE, attenuation_distance: f32::INFINITY });
     } else if metal {
         material.base_color = specular;
@@ -362,14 +326,13 @@ fn convert(entry: &Entry, maps: &mut Maps<'_>, hash: &mut ContentHash) -> Result
         material.specular = 1.0;
         material.specular_color = if metallic.is_some() { Vec3::ONE } else { 2.0 * specular };
     }
-    if !glass && (opacity < 1.0 || entry.opacity_map.is_some()) {
+    if !glass && (opacity < 1.0 || map("map_d").is_some()) {
         material.opacity = opacity;
         material.alpha_mode = AlphaMode::Blend;
     }
-    let dissolve = entry.opacity_map.as_deref().filter(|_| !glass);
-    let base = entry.diffuse_map.as_deref().filter(|_| !glass);
-    material.base_color_texture = maps.texture(&entry.name, base, dissolve, hash)?;
-    material.emission_texture = maps.texture(&entry.name, entry.emission_map.as_deref(), None, hash)?;
-    material.normal_texture = maps.texture(&entry.name, entry.normal_map.as_deref(), None, hash)?;
+    let [base, dissolve] = ["map_Kd", "map_d"].map(|keyword| map(keyword).filter(|_| !glass));
+    material.base_color_texture = maps.texture(&entry.name, [base, dissolve], file)?;
+    material.emission_texture = maps.texture(&entry.name, [map("map_Ke"), None], file)?;
+    material.normal_texture = maps.texture(&entry.name, [map("norm"), None], file)?;
     Ok(material)
 }

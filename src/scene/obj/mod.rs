@@ -22,10 +22,11 @@ use std::path::Path;
 use glam::{DVec3, Vec2, Vec3};
 
 use super::camera::Posed;
+use super::camera_file::{self, Cameras};
 use super::place::Place;
-use super::source::{self, ContentHash, Warnings};
+use super::source::{self, SceneFile};
 use super::triangle::{MAX_COORDINATE, Triangle};
-use super::{Camera, LoadOptions, Material, Scene, camera_file};
+use super::{LoadOptions, Scene, Watcher};
 use crate::error::{Error, Result};
 use polygon::Triangulator;
 use statements::Checked;
@@ -35,10 +36,7 @@ const READING: f32 = 0.5;
 
 /// Loads an `.obj` file; see [`crate::scene::load_with`].
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
-    let bytes = source::read_scene(path)?;
-    let mut hash = ContentHash::default();
-    hash.add(&bytes);
-    let mut warnings = Warnings::default();
+    let (mut file, bytes) = SceneFile::read(path, options.strict)?;
     let mut checked = Checked::default();
     let (watcher, mut lines, mut read) = (options.watcher, 0_usize, 0_usize);
     statements::statements(path, &source::text(&bytes), |line| {
@@ -46,31 +44,17 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
         // The sum includes one blank and the end of the line.
         read += line.keyword.len() + line.rest.len() + 2;
         watcher.count(lines, || READING * (read as f32 / bytes.len() as f32).min(1.0))?;
-        checked.statement(line, &mut warnings)
+        checked.statement(line, &mut file)
     })?;
     drop(bytes);
-    let mut materials = materials::load(path, &checked, options.strict, &mut hash, &mut warnings)?;
+    let mut materials = materials::load(&checked, &mut file)?;
     let given = camera_file::find(path, options)?;
     let place = place(path, &checked, given.as_ref().and_then(|given| given.camera.as_ref()))?;
-    let triangles = triangles(path, &checked, &mut materials, (options, place.origin), &mut warnings)?;
-    let rig = find_rig(path, (options, given), (&triangles, place.origin), &materials.list, &mut hash)?;
-    let projector_resolution = rig.projector_resolution;
-    let (camera, projector) = rig.at(&place);
-    warnings.list.extend(place.warning());
-    Ok(Scene {
-        path: path.to_path_buf(),
-        origin: place.origin,
-        triangles,
-        materials: materials.list,
-        textures: materials.textures,
-        camera,
-        projector,
-        projector_resolution,
-        regions: checked.groups.into_iter().collect(),
-        regions_are_labels: false,
-        hash: hash.finish(),
-        warnings: warnings.list,
-    })
+    let triangles = triangles(&checked, &mut materials, (watcher, place.origin), &mut file)?;
+    let cameras = cameras(options, given, &mut file)?;
+    file.warnings.extend(place.warning());
+    let regions = checked.groups.into_iter().collect();
+    Ok(file.scene(&place, cameras, triangles, (materials.list, materials.textures), (regions, false)))
 }
 
 fn place(path: &Path, checked: &Checked, camera: Option<&Posed>) -> Result<Place> {
@@ -90,56 +74,44 @@ fn place(path: &Path, checked: &Checked, camera: Option<&Posed>) -> Result<Place
     Ok(place)
 }
 
-fn find_rig(
-    path: &Path,
-    (options, given): (&LoadOptions<'_>, Option<camera_file::CameraFile>),
-    (triangles, origin): (&[Triangle], DVec3),
-    materials: &[Material],
-    hash: &mut ContentHash,
-) -> Result<camera_file::CameraPair> {
+/// The cameras that the camera file states. Without a camera, krylux may place one if the options say so.
+fn cameras(options: &LoadOptions<'_>, given: Option<Cameras>, file: &mut SceneFile) -> Result<Cameras> {
     if let Some(name) = options.camera {
-        return Err(Error::scene(path, format!("an .obj file has no cameras, and none called `{name}`"))
+        return Err(file
+            .fault(format!("an .obj file has no cameras, and none called `{name}`"))
             .help("leave out --camera, and give a camera file by --camera-file"));
     }
-    let missing = || {
-        let sidecar = path.with_extension("rig.toml");
-        Error::scene(path, "an .obj file has no camera, and no camera file gives one").help(format!(
-                "write {} with [camera] position, look_at and vertical_fov_degrees, name such a file by --camera-file, or let --auto-camera place one",
-                sidecar.display()
-            ))
-    };
-    if options.auto_camera && given.as_ref().is_none_or(|given| given.camera.is_none()) {
-        let camera = Camera::in_front_of(triangles, materials);
-        let camera = Posed { position: origin + camera.position.as_dvec3(), camera };
-        let given = given.inspect(|given| hash.add(&given.bytes));
-        let (projector, resolution) =
-            given.map_or((None, None), |of| (of.projector, of.projector_resolution));
-        return Ok(camera_file::CameraPair { camera, projector, projector_resolution: resolution });
+    if let Some(given) = &given {
+        file.hash.add(&given.bytes);
     }
-    let given = given.ok_or_else(missing)?;
-    hash.add(&given.bytes);
-    let camera = given.camera.ok_or_else(missing)?;
-    let (projector, projector_resolution) = (given.projector, given.projector_resolution);
-    Ok(camera_file::CameraPair { camera, projector, projector_resolution })
+    let given = given.unwrap_or_default();
+    if given.camera.is_none() && !options.auto_camera {
+        let sidecar = file.path.with_extension("rig.toml");
+        let help = format!(
+            "write {} with [camera] position, look_at and vertical_fov_degrees, name such a file by --camera-file, or let --auto-camera place one",
+            sidecar.display()
+        );
+        return Err(file.fault("an .obj file has no camera, and no camera file gives one").help(help));
+    }
+    Ok(given)
 }
 
 fn triangles(
-    path: &Path,
     checked: &Checked,
     materials: &mut materials::ObjMaterials,
-    (options, origin): (&LoadOptions<'_>, DVec3),
-    warnings: &mut Warnings,
+    (watcher, origin): (Watcher<'_>, DVec3),
+    file: &mut SceneFile,
 ) -> Result<Vec<Triangle>> {
     let mut triangles = Vec::new();
     let mut degenerate = 0_usize;
     let mut polygons = Triangulator::default();
     let count: usize = checked.runs.iter().map(|run| run.faces).sum();
     for (index, face) in faces(checked, origin).enumerate() {
-        options.watcher.count(index, || READING + (1.0 - READING) * index as f32 / count as f32)?;
+        watcher.count(index, || READING + (1.0 - READING) * index as f32 / count as f32)?;
         let is_bare = face.corners.iter().any(|corner| corner.texcoord.is_none());
         let material = materials.of(face.material);
         let material = match is_bare && materials.list[material as usize].textures().next().is_some() {
-            true => materials.without_textures(path, material, options.strict, warnings)?,
+            true => materials.without_textures(material, file)?,
             false => material,
         };
         for corners in polygons.split(face.corners.iter().map(|corner| corner.position)) {
@@ -152,20 +124,20 @@ fn triangles(
         }
     }
     if polygons.unclear > 0 {
-        warnings.add(format!(
+        file.warn(format!(
             "{} faces cross themselves or have no area: their triangles may not cover them",
             polygons.unclear
         ));
     }
     if degenerate > 0 {
-        warnings.add(format!("{degenerate} triangles without area were dropped"));
+        file.warn(format!("{degenerate} triangles without area were dropped"));
     }
     if triangles.is_empty() {
         let what = match checked.has_points {
             true => "no triangles in the scene, but points or lines, which have no area and show nothing",
             false => "no triangles in the scene",
         };
-        return Err(Error::scene(path, what).help("export meshes with faces"));
+        return Err(file.fault(what).help("export meshes with faces"));
     }
     Ok(triangles)
 }

@@ -1,12 +1,13 @@
 //! Lines of `.obj` and `.mtl` files, and the geometry of an `.obj` file in double precision. Errors name the line.
 
+use std::fmt;
 use std::path::Path;
 
 use glam::{DVec3, Vec2, Vec3};
 use indexmap::IndexSet;
 
 use crate::error::{Error, Result};
-use crate::scene::source::Warnings;
+use crate::scene::source::SceneFile;
 use crate::scene::triangle::{MAX_TRIANGLES, Triangle};
 
 pub(super) const UNNAMED: &str = "unnamed";
@@ -64,7 +65,7 @@ pub(super) fn statements(
 }
 
 impl<'a> Line<'a> {
-    pub(super) fn fault(&self, what: &str) -> Error {
+    pub(super) fn fault(&self, what: impl fmt::Display) -> Error {
         Error::scene(self.path, format!("line {}: {what}", self.number))
             .help("correct the line, or export the scene again")
     }
@@ -90,7 +91,7 @@ impl<'a> Line<'a> {
         for word in self.words() {
             let number = word.parse::<f32>().ok().filter(|number| number.is_finite());
             let number =
-                number.ok_or_else(|| self.fault(&format!("`{}` is not a finite number", shortened(word))))?;
+                number.ok_or_else(|| self.fault(format!("`{}` is not a finite number", shortened(word))))?;
             if numbers.count < MAX_NUMBERS {
                 numbers.first[numbers.count] = number;
                 numbers.count += 1;
@@ -102,7 +103,7 @@ impl<'a> Line<'a> {
     pub(super) fn number(&self) -> Result<f32> {
         match *self.numbers()? {
             [number] => Ok(number),
-            _ => Err(self.fault(&format!("`{}` takes one number", shortened(self.keyword)))),
+            _ => Err(self.fault(format!("`{}` takes one number", shortened(self.keyword)))),
         }
     }
 }
@@ -159,9 +160,9 @@ pub(super) struct Checked {
 }
 
 impl Checked {
-    pub(super) fn statement(&mut self, line: &Line<'_>, warnings: &mut Warnings) -> Result<()> {
+    pub(super) fn statement(&mut self, line: &Line<'_>, file: &mut SceneFile) -> Result<()> {
         match line.keyword {
-            "v" => self.vertex(line, warnings)?,
+            "v" => self.vertex(line, file)?,
             "vt" => match *line.numbers()? {
                 [u] => self.texcoords.push(Vec2::new(u, 1.0)),
                 [u, v] | [u, v, _] => self.texcoords.push(Vec2::new(u, 1.0 - v)),
@@ -174,7 +175,7 @@ impl Checked {
                 }
                 _ => return Err(line.fault("`vn` takes three numbers")),
             },
-            "f" => self.face(line, warnings)?,
+            "f" => self.face(line, file)?,
             "o" | "g" => self.group = line.rest.into(),
             "usemtl" => {
                 let name = if line.rest.is_empty() { UNNAMED } else { line.rest };
@@ -186,11 +187,11 @@ impl Checked {
             "s" => {}
             "l" | "p" => {
                 self.has_points = true;
-                warnings.add("points and lines have no area: ignored");
+                file.warn("points and lines have no area: ignored");
             }
             other => {
                 if self.unknown < MAX_UNKNOWN {
-                    warnings.add(format!("`{}` is not supported and ignored", shortened(other)));
+                    file.warn(format!("`{}` is not supported and ignored", shortened(other)));
                 }
                 self.unknown += 1;
             }
@@ -198,11 +199,11 @@ impl Checked {
         Ok(())
     }
 
-    fn vertex(&mut self, line: &Line<'_>, warnings: &mut Warnings) -> Result<()> {
+    fn vertex(&mut self, line: &Line<'_>, file: &mut SceneFile) -> Result<()> {
         let color = match *line.numbers()? {
             [_, _, _] | [_, _, _, 1.0] => Triangle::WHITE,
             [_, _, _, _] => {
-                warnings.add("weights of vertices are ignored: only free-form surfaces have a use for them");
+                file.warn("weights of vertices are ignored: only free-form surfaces have a use for them");
                 Triangle::WHITE
             }
             [_, _, _, red, green, blue] | [_, _, _, red, green, blue, _] => {
@@ -220,10 +221,10 @@ impl Checked {
         Ok(())
     }
 
-    fn face(&mut self, line: &Line<'_>, warnings: &mut Warnings) -> Result<()> {
+    fn face(&mut self, line: &Line<'_>, file: &mut SceneFile) -> Result<()> {
         let before = self.corners.len();
         for word in line.words() {
-            let corner = self.corner(line, word, warnings)?;
+            let corner = self.corner(line, word, file)?;
             self.corners.push(corner);
         }
         let corners = self.corners.len() - before;
@@ -247,7 +248,7 @@ impl Checked {
 
     /// Reads a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`, as indices counted from 1. References to texture coordinates and normals that the
     /// file does not have are dropped with a warning, because some exporters omit these but still count them.
-    fn corner(&self, line: &Line<'_>, word: &str, warnings: &mut Warnings) -> Result<[u32; 3]> {
+    fn corner(&self, line: &Line<'_>, word: &str, file: &mut SceneFile) -> Result<[u32; 3]> {
         let counts = [self.vertices.len(), self.texcoords.len(), self.normals.len()];
         let mut found = [0; 3];
         let mut indices = word.split('/');
@@ -262,14 +263,14 @@ impl Checked {
             } else if element != ELEMENTS[0] && number.is_some_and(|number| number != 0) {
                 let consequence =
                     if element == ELEMENTS[2] { "they are flat" } else { "they show no texture" };
-                warnings.add(format!("faces refer to {element}s that the file does not have: {consequence}"));
+                file.warn(format!("faces refer to {element}s that the file does not have: {consequence}"));
             } else {
                 let word = shortened(word);
-                return Err(line.fault(&format!("`{word}`: there is no such {element}; there are {count}")));
+                return Err(line.fault(format!("`{word}`: there is no such {element}; there are {count}")));
             }
         }
         if found[0] == 0 || indices.next().is_some() {
-            return Err(line.fault(&format!("`{}` is no corner of a face", shortened(word))));
+            return Err(line.fault(format!("`{}` is no corner of a face", shortened(word))));
         }
         Ok(found)
     }

@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
-use wgpu::{BindingType, BufferBindingType, BufferUsages, ShaderStages};
+use wgpu::BufferUsages;
 
 use crate::error::{Error, Result};
+use crate::gpu::pipeline::{READ, UNIFORM, WRITE};
 use crate::gpu::{Gpu, shader};
 use crate::transport::{Bounces, CompressedRows};
 
@@ -112,12 +113,6 @@ pub(super) struct Terms {
     pub(super) adds: bool,
 }
 
-pub(super) struct Shared<'a> {
-    pub(super) diagonal: &'a wgpu::Buffer,
-    pub(super) from: &'a wgpu::Buffer,
-    pub(super) to: &'a wgpu::Buffer,
-}
-
 pub(super) struct Kernel {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
@@ -135,51 +130,22 @@ impl Kernel {
         let source = shader::compose("product")?;
         let nothing = gpu.storage("nothing", &[0.0_f32])?;
         gpu.guarded("product", || {
-            let device = &gpu.device;
-            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some("product"),
-                source: wgpu::ShaderSource::Wgsl(source.into()),
-            });
-            let read = BufferBindingType::Storage { read_only: true };
-            let types = [BufferBindingType::Uniform, read, read, read, read, read];
-            let types = types.into_iter().chain([BufferBindingType::Storage { read_only: false }]);
-            let entries: Vec<_> = (0..)
-                .zip(types)
-                .map(|(binding, ty)| wgpu::BindGroupLayoutEntry {
-                    binding,
-                    visibility: ShaderStages::COMPUTE,
-                    ty: BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-                    count: None,
-                })
-                .collect();
-            let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-                label: Some("product"),
-                entries: &entries,
-            });
-            let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some("product"),
-                layout: Some(&device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                    label: Some("product"),
-                    bind_group_layouts: &[Some(&layout)],
-                    immediate_size: 0,
-                })),
-                module: &module,
-                entry_point: Some("product"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: gpu.pipeline_cache(),
-            });
+            let layout = gpu.layout("product", &[UNIFORM, READ, READ, READ, READ, READ, WRITE]);
+            let source = wgpu::ShaderSource::Wgsl(source.into());
+            let [pipeline] = gpu.pipelines("product", source, &[&layout], ["product"]);
             Self { pipeline, layout, nothing }
         })
     }
 
-    /// The dispatch that writes the sums of these rows to the photo: over a band's entries in one channel, if any, and over `terms`.
+    /// The dispatch that writes the sums of these rows to the photo: over a band's entries in one channel, if any, and over `terms`. The last
+    /// argument has the diagonal, the pattern and the photo.
     pub(super) fn step(
         &self,
         gpu: &Gpu,
         rows: Range<u32>,
         band: Option<(&Band, usize)>,
         terms: Terms,
-        shared: &Shared<'_>,
+        [diagonal, from, to]: [&wgpu::Buffer; 3],
     ) -> Result<Step> {
         let (of_band, entries) = match band {
             Some((band, channel)) => ([&band.starts, &band.columns, &band.weights[channel]], HAS_ENTRIES),
@@ -191,21 +157,10 @@ impl Kernel {
         let count = rows.end - rows.start;
         let values = Parameters { first_row: rows.start, rows: count, terms, padding: 0 };
         let [starts, columns, weights] = of_band;
-        let buffers = [&parameters, starts, columns, weights, shared.diagonal, shared.from, shared.to];
+        let buffers = [&parameters, starts, columns, weights, diagonal, from, to];
         let group = gpu.guarded("bindings", || {
             gpu.queue.write_buffer(&parameters, 0, bytemuck::bytes_of(&values));
-            let entries: Vec<_> = (0..)
-                .zip(buffers)
-                .map(|(binding, buffer)| wgpu::BindGroupEntry {
-                    binding,
-                    resource: buffer.as_entire_binding(),
-                })
-                .collect();
-            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("product"),
-                layout: &self.layout,
-                entries: &entries,
-            })
+            gpu.bind("product", &self.layout, buffers.map(wgpu::Buffer::as_entire_binding))
         })?;
         Ok(Step { group, workgroups: workgroups(count) })
     }

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use wgpu::BufferUsages;
 
-use self::kernel::{Band, DeviceLayer, Kernel, Limits, Shared, Step, Terms};
+use self::kernel::{Band, DeviceLayer, Kernel, Limits, Step, Terms};
 use super::layer::Layer;
 use super::matrix::Product;
 use super::{Part, RigShape, TransportMatrix};
@@ -32,13 +32,10 @@ pub struct GpuMatrix {
     /// Whether direct light is a diagonal. Otherwise the buffers above are empty.
     has_diagonal: bool,
     limits: Limits,
-    vectors: Vectors,
-    state: Mutex<State>,
-}
-
-struct Vectors {
+    /// The pattern and the photo. Each buffer has the length of the longer one, because the two are exchanged for the transpose.
     from: wgpu::Buffer,
     to: Results,
+    state: Mutex<State>,
 }
 
 /// The transpose and the dispatches, made when first needed. A product holds their lock, because all products share the vectors.
@@ -74,7 +71,9 @@ impl GpuMatrix {
         }
         let kernel = Kernel::new(gpu)?;
         let rig = matrix.rig;
-        let vectors = Vectors::new(gpu, rig)?;
+        let bytes = 8 * rig.projector.pixels().max(rig.camera.pixels()) as u64;
+        let from = gpu.buffer("pattern", bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
+        let to = Results::new(gpu, "photo", bytes)?;
         let diagonals = matrix.direct.iter().map(|plane| gpu.storage("matrix's diagonal", plane));
         let diagonals = diagonals.collect::<Result<_>>()?;
         let has_diagonal = matrix.direct.iter().all(|plane| plane.len() == rig.camera.pixels());
@@ -82,7 +81,7 @@ impl GpuMatrix {
         let layers = matrix.layers.iter().map(layer).collect::<Result<_>>()?;
         let state = Mutex::default();
         let gpu = gpu.clone();
-        Ok(Self { gpu, kernel, rig, layers, diagonals, has_diagonal, limits, vectors, state })
+        Ok(Self { gpu, kernel, rig, layers, diagonals, has_diagonal, limits, from, to, state })
     }
 
     /// `y ← P x`, as [`TransportMatrix::apply`].
@@ -138,18 +137,14 @@ impl GpuMatrix {
             _ => (&self.layers, self.rig.camera),
         };
         let diagonal = part.holds(1) && self.has_diagonal;
-        let shared = Shared {
-            diagonal: &self.diagonals[channel],
-            from: &self.vectors.from,
-            to: &self.vectors.to.buffer,
-        };
+        let shared = [&self.diagonals[channel], &self.from, &self.to.buffer];
         let mut steps = Vec::new();
         let mut is_first = true;
         for layer in layers.iter().filter(|layer| part.has(layer.bounces)) {
             let terms = Terms { diagonal: diagonal && is_first, adds: !is_first };
             for band in &layer.bands {
                 let of_channel = Some((band, channel));
-                steps.push(self.kernel.step(&self.gpu, band.rows.clone(), of_channel, terms, &shared)?);
+                steps.push(self.kernel.step(&self.gpu, band.rows.clone(), of_channel, terms, shared)?);
             }
             is_first = false;
         }
@@ -158,7 +153,7 @@ impl GpuMatrix {
             for first in (0..rows).step_by(self.limits.rows) {
                 // A resolution has at most 2³² pixels.
                 let rows = first as u32..rows.min(first + self.limits.rows) as u32;
-                steps.push(self.kernel.step(&self.gpu, rows, None, terms, &shared)?);
+                steps.push(self.kernel.step(&self.gpu, rows, None, terms, shared)?);
             }
         }
         Ok(steps)
@@ -179,11 +174,11 @@ impl GpuMatrix {
         }
         let gpu = &self.gpu;
         let steps = self.steps(state, product)?;
-        let Vectors { from: pattern, to: photo } = &self.vectors;
+        let (pattern, photo) = (&self.from, &self.to);
         let bytes = size_of_val(to) as u64;
         let submission = gpu.guarded("product", || {
             gpu.queue.write_buffer(pattern, 0, bytemuck::cast_slice(from));
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            let mut encoder = gpu.encoder();
             self.kernel.encode(&mut encoder, steps);
             photo.submit(gpu, encoder, bytes)
         })?;
@@ -192,17 +187,6 @@ impl GpuMatrix {
         drop(view);
         photo.release();
         Ok(())
-    }
-}
-
-impl Vectors {
-    /// Each buffer has the length of the longer of pattern and photo, because the two are exchanged for the transpose.
-    fn new(gpu: &Gpu, rig: RigShape) -> Result<Self> {
-        let bytes = 8 * rig.projector.pixels().max(rig.camera.pixels()) as u64;
-        Ok(Self {
-            from: gpu.buffer("pattern", bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)?,
-            to: Results::new(gpu, "photo", bytes)?,
-        })
     }
 }
 
@@ -254,7 +238,7 @@ impl GpuMatrix {
         let gpu = &self.gpu;
         let start = Instant::now();
         let submission = gpu.guarded(what, || {
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            let mut encoder = gpu.encoder();
             work(&mut encoder);
             gpu.queue.submit([encoder.finish()])
         })?;

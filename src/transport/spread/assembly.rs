@@ -1,37 +1,39 @@
 //! The assembly of a matrix by a team. Each process traces its pixels, and merges all processes' contributions to its rows.
 
 use std::ops::Range;
+use std::sync::{Arc, OnceLock};
 
-use super::{Command, Spread, exchange};
+use super::exchange::{self, Combined, Steps};
+use super::{Command, Spread};
 use crate::error::Result;
-use crate::image::Resolution;
+use crate::image::{Image, Resolution};
 use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
-use crate::team::{Comm, answer, from_bytes, garbled, read_answer, to_bytes};
-use crate::transport::assembled::{Assembled, classes, finish, of_classes, planes, shape};
+use crate::team::{Comm, Team, answer, from_bytes, garbled, read_answer, threads, to_bytes};
+use crate::transport::assembled::{Assembled, shape};
+use crate::transport::contributions::Share;
 use crate::transport::layer::{Bounces, Layer};
-use crate::transport::merging::Combined;
-use crate::transport::noise::Estimates;
-use crate::transport::share::Share;
-use crate::transport::squares::EntrySquares;
+use crate::transport::noise::{EntrySquares, Estimates, Noise, relative};
+use crate::transport::scaling::pilot;
 use crate::transport::wire::{self, unread};
-use crate::transport::{Channels, TransportMatrix, pilot};
+use crate::transport::{Channels, RigShape, TransportMatrix, from_planes};
 
 /// The leader's word after the trace: the processes go on, or they drop their shares.
 const GO_ON: u8 = 1;
 const STOP: u8 = 0;
 
+/// The part of the traced scene that this process holds. The leader's part grows into all but the layers of the others.
 struct Own<const C: usize> {
     matrix: TransportMatrix,
     direct: Vec<Estimates<C>>,
     ambient: Vec<Estimates<C>>,
+    /// The sums over rows and over entries, which determine the noise.
     sums: Vec<Estimates<C>>,
     squares: EntrySquares,
     has_halves: bool,
     summary: TraceSummary,
 }
 
-/// Traces the scene and assembles its matrix, spread over the team of the tracer. It works like
-/// [`assemble_layers`](crate::transport::assemble_layers), with the same bits.
+/// Works like [`assemble_layers`](crate::transport::assemble_layers) on the team of the tracer, or on a team of this process alone.
 pub(in crate::transport) fn assemble<const C: usize>(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -39,35 +41,35 @@ pub(in crate::transport) fn assemble<const C: usize>(
     split: bool,
 ) -> Result<Assembled> {
     settings.check()?;
-    let Some((scene, team)) = tracer.remote().map(|remote| (remote.id(), remote.team().clone())) else {
-        return Err(garbled("no process shares the scene"));
+    let (scene, team) = match tracer.remote() {
+        Some(remote) => (remote.id(), remote.team().clone()),
+        None => (0, Team::alone()),
     };
     let pixels = balanced(tracer, settings, team.size())?;
     let remote = team.remote();
     let command = Command::Assemble { scene, settings: *settings, channels, split, pixels: pixels.clone() };
     let turn = remote.command(&command)?;
     let own = Own::<C>::trace(turn.comm(), tracer, settings, (channels, split), &pixels)?;
-    let Some(mut own) = own else { return Err(garbled("the leader has no share")) };
-    let (mut nonzeros, mut bytes) = (vec![0_u64; own.matrix.layers.len()], 0);
-    for part in turn.receive_all() {
-        let (of_layers, of_part) = own.add_part(&part)?;
-        bytes += of_part;
-        nonzeros.iter_mut().zip(of_layers).for_each(|(all, more)| *all += more);
-    }
-    // A coaxial pinhole rig has no layer of one bounce, because its direct light is the diagonal. All processes keep the same layers.
-    let keeps = |(layer, &elsewhere): (&Layer, &u64)| {
-        layer.bounces() != Bounces::One || layer.nonzeros() > 0 || elsewhere > 0
-    };
-    let keep: Vec<u8> = own.matrix.layers.iter().zip(&nonzeros).map(keeps).map(u8::from).collect();
-    turn.send_all(&keep);
+    let own = own.ok_or_else(|| garbled("the leader has no share"))?;
+    let (mut traced, [nonzeros, bytes]) = own.lead(turn.comm())?;
     drop(turn);
-    own.retain(&keep);
-    let Own { mut matrix, direct, ambient, sums, squares, has_halves, summary } = own;
-    matrix.direct = planes(&direct);
-    // A dropped layer has no entries.
-    let elsewhere = nonzeros.iter().sum::<u64>() as usize;
-    matrix.spread = Some(Spread::new(remote, pixels, elsewhere, bytes as usize));
-    finish(matrix, &ambient, has_halves.then_some((&sums, &squares)), summary)
+    if team.size() > 1 {
+        let spread = Spread { remote, pixels, nonzeros, bytes, is_transposed: OnceLock::new() };
+        traced.matrix.spread = Some(Arc::new(spread));
+    }
+    Ok(traced)
+}
+
+/// The traced scene from the contributions of all its pixels.
+pub(in crate::transport) fn of_share<const C: usize>(
+    share: Share<C>,
+    rig: RigShape,
+    channels: Channels,
+    split: bool,
+) -> Result<Assembled> {
+    let comm = &threads(1)[0];
+    let own = Own::merge(comm, rig, &Steps::one(rig), (channels, split), share)?;
+    Ok(own.lead(comm)?.0)
 }
 
 /// Works like `assemble`, in a process that does not lead. Returns `None` if another process failed, or if the leader was stopped.
@@ -123,21 +125,72 @@ impl<const C: usize> Own<C> {
         comm: &dyn Comm,
         tracer: &mut Tracer,
         settings: &TraceSettings,
-        (channels, split): (Channels, bool),
+        of: (Channels, bool),
         pixels: &[StartPixels],
     ) -> Result<Option<Self>> {
         let rig = shape(tracer, settings);
         let steps = exchange::steps(comm, rig, pixels)?;
-        let share = Share::<C>::trace(tracer, settings, &pixels[comm.rank()], split, Some(&steps));
+        let share = Share::<C>::trace(tracer, settings, &pixels[comm.rank()], of.1, Some(&steps));
         let Some(share) = agree(comm, share)? else { return Ok(None) };
+        Self::merge(comm, rig, &steps, of, share).map(Some)
+    }
+
+    fn merge(
+        comm: &dyn Comm,
+        rig: RigShape,
+        steps: &Steps,
+        (channels, split): (Channels, bool),
+        share: Share<C>,
+    ) -> Result<Self> {
         let Share { found, direct, ambient, has_halves, summary } = share;
-        let merged = exchange::merge(comm, rig, &steps, found, classes(split).len(), &direct)?;
+        let classes = classes(split);
+        let merged = exchange::merge(comm, rig, steps, found, classes.len(), &direct)?;
         let Combined { layers, rows: sums, squares } = merged;
-        let layers = of_classes(layers, split);
-        let planes = vec![Vec::new(); C];
+        let layers = classes.iter().zip(layers).map(|(&bounces, tiles)| Layer::of_tiles(bounces, tiles));
         let rows = steps.rows().nth(comm.rank()).unwrap_or_default();
-        let matrix = TransportMatrix { rig, channels, direct: planes, layers, rows, spread: None };
-        Ok(Some(Self { matrix, direct, ambient, sums, squares, has_halves, summary }))
+        let (layers, direct_planes) = (layers.collect(), vec![Vec::new(); C]);
+        let matrix = TransportMatrix { rig, channels, direct: direct_planes, layers, rows, spread: None };
+        Ok(Self { matrix, direct, ambient, sums, squares, has_halves, summary })
+    }
+
+    /// The traced scene, with the sums of all processes. Also the numbers of entries and of bytes that the others hold.
+    fn lead(mut self, comm: &dyn Comm) -> Result<(Assembled, [usize; 2])> {
+        let (mut nonzeros, mut bytes) = (vec![0_u64; self.matrix.layers.len()], 0);
+        for rank in 1..comm.size() {
+            let (of_layers, of_part) = self.add_part(&comm.receive(rank))?;
+            bytes += of_part;
+            nonzeros.iter_mut().zip(of_layers).for_each(|(all, more)| *all += more);
+        }
+        // A coaxial pinhole rig has no layer of one bounce, because its direct light is the diagonal. All processes keep the same layers.
+        let keeps = |(layer, &elsewhere): (&Layer, &u64)| {
+            layer.bounces() != Bounces::One || layer.nonzeros() > 0 || elsewhere > 0
+        };
+        let keep: Vec<u8> = self.matrix.layers.iter().zip(&nonzeros).map(keeps).map(u8::from).collect();
+        (1..comm.size()).for_each(|rank| comm.send(rank, &keep));
+        self.retain(&keep);
+        let camera = self.matrix.rig.camera;
+        let ambient = image::<C>(camera, |pixel, channel| self.ambient[pixel][channel][0])?;
+        let noise = if self.has_halves { Some(self.noise()?) } else { None };
+        let Self { mut matrix, direct, summary, .. } = self;
+        matrix.direct = planes(&direct);
+        // A dropped layer has no entries.
+        let elsewhere = [nonzeros.iter().sum::<u64>() as usize, bytes as usize];
+        Ok((Assembled { matrix, ambient, noise, summary, gpu_matrix: None }, elsewhere))
+    }
+
+    fn noise(&self) -> Result<Noise> {
+        let Self { sums, squares, .. } = self;
+        let sum = |of: usize| {
+            let of_row = |row: &Estimates<C>| row.iter().map(|value| value[of] * value[of]).sum::<f64>();
+            sums.iter().map(of_row).sum::<f64>()
+        };
+        let of_entries = |[mean, error]: [f64; 2]| relative(error, mean);
+        Ok(Noise {
+            white: image::<C>(self.matrix.rig.camera, |pixel, channel| sums[pixel][channel][1].abs())?,
+            white_relative: relative(sum(1), sum(0)),
+            operator: of_entries(squares.whole()),
+            global: of_entries(squares.global()),
+        })
     }
 
     fn retain(&mut self, keep: &[u8]) {
@@ -174,11 +227,32 @@ impl<const C: usize> Own<C> {
     }
 }
 
+/// The layers of a matrix, by class of bounces.
+pub(in crate::transport) fn classes(split: bool) -> &'static [Bounces] {
+    if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] }
+}
+
+/// The diagonal, `[channel][pixel]`.
+fn planes<const C: usize>(direct: &[Estimates<C>]) -> Vec<Vec<f32>> {
+    let plane = |channel: usize| direct.iter().map(|estimate| estimate[channel][0] as f32).collect();
+    (0..C).map(plane).collect()
+}
+
+fn image<const C: usize>(resolution: Resolution, value: impl Fn(usize, usize) -> f64) -> Result<Image> {
+    let plane = |channel| (0..resolution.pixels()).map(|pixel| value(pixel, channel)).collect();
+    let planes: Vec<Vec<f64>> = (0..C).map(plane).collect();
+    from_planes(resolution, &planes)
+}
+
 /// The pixels of each of `processes` processes. One light path from each of at most 64×64 pixels counts the rays of each part of the
 /// picture. Counts repeat exactly, unlike measured seconds.
 fn balanced(tracer: &mut Tracer, settings: &TraceSettings, processes: usize) -> Result<Vec<StartPixels>> {
+    let all = tracer.start_pixels(settings);
+    if processes == 1 {
+        return Ok(vec![all]);
+    }
     let projector = tracer.projector_resolution(settings);
-    let pilot = pilot::of(settings);
+    let pilot = pilot(settings);
     let sizes = [pilot.resolution, tracer.projector_resolution(&pilot)];
     let mut rays = sizes.map(|size| vec![0_u64; size.height]);
     tracer.trace(&pilot, &mut |batch| {
@@ -188,7 +262,6 @@ fn balanced(tracer: &mut Tracer, settings: &TraceSettings, processes: usize) -> 
         }
         Ok(())
     })?;
-    let all = tracer.start_pixels(settings);
     let camera = divide(&all.camera, settings.resolution, &rays[0], processes);
     let projector = divide(&all.projector, projector, &rays[1], processes);
     Ok(camera

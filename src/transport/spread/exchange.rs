@@ -3,6 +3,7 @@
 //! Each process has the contributions of the paths that it traced, and needs the contributions to its own rows. Processes exchange and
 //! merge them [step by step](Steps), from the first rows of every process to the last. Each contribution is needed in one step, and freed
 //! after it. In a coaxial rig, the entries whose mirror images were merged in earlier steps come from the finished rows of all processes.
+//! A process alone is a team of one, which merges everything in a single step.
 
 use std::ops::Range;
 
@@ -10,13 +11,11 @@ use crate::error::Result;
 use crate::render::StartPixels;
 use crate::team::{Comm, from_bytes, to_bytes};
 use crate::transport::RigShape;
-use crate::transport::chunk::Chunk;
-use crate::transport::merging::{Combined, Merging, Pairs, builders};
-use crate::transport::noise::Estimates;
-use crate::transport::row_sums::{Outline, Scale, add_sums, outline, with_direct};
-use crate::transport::share::Found;
-use crate::transport::squares::EntrySquares;
-use crate::transport::tiles::{self, Before, Builder, Pieces};
+use crate::transport::contributions::{Chunk, Found};
+use crate::transport::merging::{Merging, Pairs};
+use crate::transport::noise::{EntrySquares, Estimates};
+use crate::transport::row_sums::{Scale, add_sums, row_sums, with_direct};
+use crate::transport::tiles::{self, Before, Builder, Pieces, Tiles};
 use crate::transport::transpose::Sources;
 use crate::transport::wire::{self, unread};
 
@@ -49,6 +48,11 @@ impl Steps {
         Self { symmetric: rig.symmetric, groups, of_pixel }
     }
 
+    /// One process merges all rows in a single step.
+    pub(in crate::transport) fn one(rig: RigShape) -> Self {
+        Self::new(rig, vec![vec![0..rig.camera.pixels()]])
+    }
+
     pub(in crate::transport) fn count(&self) -> usize {
         self.groups.first().map_or(1, Vec::len)
     }
@@ -77,7 +81,10 @@ impl Steps {
 }
 
 /// The steps in which the processes merge the rows of their pixels. Every process of the team must call it.
-pub(super) fn steps(comm: &dyn Comm, rig: RigShape, pixels: &[StartPixels]) -> Result<Steps> {
+pub(in crate::transport) fn steps(comm: &dyn Comm, rig: RigShape, pixels: &[StartPixels]) -> Result<Steps> {
+    if comm.size() == 1 {
+        return Ok(Steps::one(rig));
+    }
     let mine = &pixels[comm.rank()].camera;
     // The groups depend on the number of threads of a process.
     let ends: Vec<usize> = tiles::groups(mine.len()).iter().map(|group| mine.start + group.end).collect();
@@ -91,9 +98,22 @@ pub(super) fn steps(comm: &dyn Comm, rig: RigShape, pixels: &[StartPixels]) -> R
     Ok(Steps::new(rig, groups.collect::<Result<_>>()?))
 }
 
-/// Merges the contributions of all processes to this process's rows. `found` has its own contributions by step, and `direct` is as for
-/// [`combine`](crate::transport::merging::combine). The squares cover the entries that this process merged. Every process must call it.
-pub(super) fn merge<const C: usize>(
+/// The sparse part of the matrix that one process holds, with the sums that determine its noise.
+pub(in crate::transport) struct Combined<const C: usize> {
+    /// One layer for each class: first one bounce, then the others.
+    pub(in crate::transport) layers: Vec<Tiles>,
+    pub(in crate::transport) rows: Vec<Estimates<C>>,
+    /// The squares of the entries that this process merged.
+    pub(in crate::transport) squares: EntrySquares,
+}
+
+/// Merges the contributions of all processes to this process's rows, in `classes` layers. `found` has its own contributions by step, by
+/// ascending start pixel with the camera's paths first. `direct` is the diagonal of its rows, with mean and error for each channel, or
+/// empty. Every process of the team must call it.
+///
+/// A process alone merges all rows of a coaxial rig in one step, but only from the diagonal on: the rest of the tiles is a copy. In a team,
+/// each process merges a group of its rows in each step.
+pub(in crate::transport) fn merge<const C: usize>(
     comm: &dyn Comm,
     rig: RigShape,
     steps: &Steps,
@@ -102,11 +122,16 @@ pub(super) fn merge<const C: usize>(
     direct: &[Estimates<C>],
 ) -> Result<Combined<C>> {
     let mine = steps.rows().nth(comm.rank()).unwrap_or_default();
-    let sums = row_sums(comm, rig, steps, &found, direct)?;
+    let is_alone = comm.size() == 1;
+    let triangle = is_alone && rig.symmetric;
+    let rows = sums_of_rows(comm, rig, steps, &found, direct)?;
     let Found { steps: found, about } = found;
-    // In a coaxial rig, these pixels are the ends of about the same number of paths from other pixels.
-    let of_class = about.of_class.map(|count| if rig.symmetric { 2 * count } else { count });
-    let mut layers = builders::<C>(of_class, rig, mine.len(), classes, false);
+    let builder = |&entries: &usize| {
+        // In a coaxial rig, these pixels are the ends of about the same number of paths from other pixels.
+        let entries = if rig.symmetric { 2 * entries } else { entries };
+        Builder::new([mine.len(), rig.projector.pixels()], C, entries, triangle)
+    };
+    let mut layers: Vec<Builder> = about.of_class[..classes].iter().map(builder).collect();
     let mut squares = EntrySquares::default();
     for (step, own) in found.into_iter().enumerate() {
         let wanted: Vec<Range<usize>> = steps.groups(step).collect();
@@ -114,18 +139,25 @@ pub(super) fn merge<const C: usize>(
         let chunks = exchange(comm, rig, &wanted, own)?;
         let direct = direct.get(now.start - mine.start..now.end - mine.start).unwrap_or_default();
         let pairs = if rig.symmetric { Pairs::Step(steps, step) } else { Pairs::Apart };
-        let sources = Sources::new(chunks, rig, &now, false);
-        let counts = sources.counts(now.start);
-        let mut merging = Merging::new(sources, pairs, now.start, counts, direct);
-        let pieces = merging.pieces(&(0..now.len()), classes);
-        squares.add_all(&merging.squares);
-        drop(merging);
-        let mirrored = mirrored(comm, rig, steps, step, &layers)?;
-        for ((layer, pieces), before) in layers.iter_mut().zip(pieces).zip(mirrored) {
-            layer.push_joined(Pieces::new(now.start - mine.start, pieces), before);
+        let mut merging = Merging::new(Sources::new(chunks, rig, &now, triangle), pairs, now.start, direct);
+        let groups = if is_alone { tiles::groups(now.len()) } else { vec![0..now.len()] };
+        for group in groups {
+            let pieces = merging.pieces(&group, classes);
+            let is_last = group.end == now.len();
+            let done = if triangle { group.end } else { 0 };
+            merging.sources.release_before(if is_last { usize::MAX } else { done });
+            let mut mirrored = mirrored(comm, rig, steps, step, &layers)?.into_iter();
+            for (layer, pieces) in layers.iter_mut().zip(pieces) {
+                let pieces = Pieces::new(now.start - mine.start + group.start, pieces);
+                match mirrored.next() {
+                    Some(before) => layer.push_joined(pieces, before),
+                    None => layer.push(pieces),
+                }
+            }
         }
+        squares.add_all(&merging.squares);
     }
-    Ok(Combined { layers: layers.into_iter().map(Builder::finish).collect(), rows: sums, squares })
+    Ok(Combined { layers: layers.into_iter().map(Builder::finish).collect(), rows, squares })
 }
 
 /// Sends each process the contributions to its wanted rows. Returns all contributions to this process's rows, by ascending rank. `own` are
@@ -154,7 +186,7 @@ fn exchange<const C: usize>(
 }
 
 /// The sums over this process's rows. `found` has its own contributions, and `direct` is the diagonal of these rows.
-fn row_sums<const C: usize>(
+fn sums_of_rows<const C: usize>(
     comm: &dyn Comm,
     rig: RigShape,
     steps: &Steps,
@@ -165,24 +197,24 @@ fn row_sums<const C: usize>(
     let all: Vec<u32> = all.iter().map(|bytes| from_bytes(bytes)).collect::<Result<_>>()?;
     let scale = Scale::new(all.into_iter().max().unwrap_or(0));
     let chunks: Vec<&Chunk<C>> = found.chunks().collect();
-    let Outline { sums, .. } = outline(&chunks, rig, &(0..rig.camera.pixels()), false, scale);
+    let mut sums = row_sums(&chunks, rig, scale);
     // Each process adds the others' sums for its rows.
-    let message = |rows: Range<usize>| {
-        wire::message(|to| wire::put::<i128>(to, sums[rows].as_flattened().as_flattened()))
+    let message = |(rank, rows): (usize, Range<usize>)| {
+        let others = if rank == comm.rank() { &[] } else { &sums[rows] };
+        wire::message(|to| wire::put::<i128>(to, others.as_flattened().as_flattened()))
     };
-    let received = comm.exchange(steps.rows().map(message).collect());
+    let received = comm.exchange(steps.rows().enumerate().map(message).collect());
     let mine = steps.rows().nth(comm.rank()).unwrap_or_default();
-    let mut of_rows = vec![[[0; C]; 2]; mine.len()];
     for bytes in received {
         let part = wire::Reader::new(&bytes).take::<i128>().map_err(unread)?;
         let part = part.as_chunks::<C>().0.as_chunks::<2>().0;
-        of_rows.iter_mut().zip(part).for_each(|(sums, part)| add_sums(sums, part));
+        sums[mine.clone()].iter_mut().zip(part).for_each(|(sums, part)| add_sums(sums, part));
     }
-    Ok(with_direct(scale, &of_rows, direct))
+    Ok(with_direct(scale, &sums[mine], direct))
 }
 
 /// For each layer, the entries in this step's rows of this process whose mirror images were merged in earlier steps. They come from each
-/// process in turn, with the column that ends its range.
+/// process in turn, with the column that ends its range. The list is empty if there were no earlier steps.
 fn mirrored(
     comm: &dyn Comm,
     rig: RigShape,
@@ -191,8 +223,7 @@ fn mirrored(
     layers: &[Builder],
 ) -> Result<Vec<Vec<Before>>> {
     if !rig.symmetric || step == 0 {
-        let all = || vec![Before { fragments: Vec::new(), columns_before: rig.projector.pixels() }];
-        return Ok(layers.iter().map(|_| all()).collect());
+        return Ok(Vec::new());
     }
     let first = steps.rows().nth(comm.rank()).unwrap_or_default().start;
     let mut messages = Vec::with_capacity(comm.size());

@@ -8,7 +8,7 @@
 //!   entry of a symmetric matrix, and its mirror image is a copy.
 //! * Sums over rows and over all entries, which determine the noise, are exact, so they do not depend on the order (`exchange`).
 //! * A product of a row is the sum over its entries from left to right. The process that holds the row computes it, and the leader puts the
-//!   rows together (`product`). The transpose of a rig that is not coaxial is spread by the pixels of the projector when it is first used.
+//!   rows together ([`Spread`]). The transpose of a rig that is not coaxial is spread by the pixels of the projector when it is first used.
 //! * A photo that is traced anew adds up contributions to every pixel in the order of the paths. The processes trace, and the leader adds
 //!   up (`retrace`).
 //!
@@ -16,7 +16,6 @@
 
 mod assembly;
 mod exchange;
-mod product;
 mod retrace;
 #[cfg(test)]
 mod tests;
@@ -27,51 +26,123 @@ use std::sync::{Arc, OnceLock};
 
 use serde::{Deserialize, Serialize};
 
-pub(super) use assembly::assemble;
+#[cfg(test)]
+pub(super) use assembly::classes;
+pub(super) use assembly::{assemble, of_share};
 pub(super) use exchange::Steps;
+#[cfg(test)]
+pub(super) use exchange::{Combined, merge, steps};
 pub(super) use retrace::trace;
 
+use super::layer::Layer;
 use super::matrix::Product;
-use super::tiles::Interleaved;
+use super::tiles::{CompressedRows, Interleaved, Summable};
 use super::{Channels, TransportMatrix, wire};
 use crate::error::{Error, Result};
 use crate::observer::{Observer, Step};
 use crate::operator::Direction;
 use crate::render::{AdapterSummary, StartPixels, TraceSettings, Tracer};
 use crate::scene::Scene;
-use crate::team::{Comm, Remote, Team, Told, answer, serve};
+use crate::team::{Comm, Remote, Team, Told, Turn, answer, serve};
 
 /// The parts of a matrix that other processes hold, as the leader sees them.
-#[derive(Clone, Debug)]
-pub(super) struct Spread(Arc<Parts>);
-
 #[derive(Debug)]
-struct Parts {
+pub(super) struct Spread {
     remote: Remote,
     /// The pixels of each process, by rank. Its rows are the camera pixels, and its columns are the projector pixels.
-    pixels: Vec<StartPixels>,
+    pub(super) pixels: Vec<StartPixels>,
     /// The number of entries that other processes hold, and their size in bytes there.
-    nonzeros: usize,
-    bytes: usize,
+    pub(super) nonzeros: usize,
+    pub(super) bytes: usize,
     /// Set once each process has its rows of the transpose.
     is_transposed: OnceLock<()>,
 }
 
 impl Spread {
-    fn new(remote: Remote, pixels: Vec<StartPixels>, nonzeros: usize, bytes: usize) -> Self {
-        Self(Arc::new(Parts { remote, pixels, nonzeros, bytes, is_transposed: OnceLock::new() }))
+    fn command(&self, command: &Command) -> Turn<'_> {
+        self.remote.command(command).expect("numbers can be sent")
     }
 
-    pub(super) fn nonzeros(&self) -> usize {
-        self.0.nonzeros
+    /// The product of a matrix. `own` has the rows of this process, the leader.
+    pub(super) fn multiply<V: Summable>(
+        &self,
+        own: &TransportMatrix,
+        product: Product,
+        from: &[V],
+        to: &mut [V],
+    ) {
+        if is_transposed(own, product) {
+            self.is_transposed.get_or_init(|| {
+                let turn = self.command(&Command::Transpose);
+                transpose_part(turn.comm(), own, &self.pixels);
+            });
+        }
+        let interleaved = size_of::<V>() == size_of::<Interleaved>();
+        let turn = self.command(&Command::Multiply { product, interleaved });
+        turn.broadcast(bytemuck::cast_slice(from));
+        let mut rows = self.pixels.iter().map(|pixels| own_rows(own, product, pixels).clone());
+        let first = rows.next().unwrap_or_default();
+        own.multiply_own(product, first.start, from, &mut to[first]);
+        for (rank, rows) in turn.others().zip(rows) {
+            let found = turn.comm().receive(rank);
+            bytemuck::cast_slice_mut::<V, u8>(&mut to[rows]).copy_from_slice(&found);
+        }
     }
 
-    pub(super) fn bytes(&self) -> usize {
-        self.0.bytes
+    /// All rows of the layers. `own` are the rows of this process.
+    pub(super) fn gathered(&self, own: &[Layer]) -> Result<Vec<Layer>> {
+        let layer = |(at, own): (usize, &Layer)| {
+            let mut rows = vec![own.to_rows()];
+            let channels = rows[0].weights.len();
+            for bytes in self.command(&Command::Rows { layer: at }).receive_all() {
+                rows.push(wire::take_rows(&bytes, channels).map_err(wire::unread)?);
+            }
+            Ok(Layer::new(own.bounces(), own.tiles().cols(), rows))
+        };
+        own.iter().enumerate().map(layer).collect()
     }
 
-    pub(super) fn processes(&self) -> usize {
-        self.0.pixels.len()
+    /// The squares of all entries of a layer, added row by row to `own`, which is the sum over the rows of this process.
+    pub(super) fn squares(&self, layer: usize, channel: usize, own: f64) -> f64 {
+        let turn = self.command(&Command::Squares { layer, channel });
+        turn.others().fold(own, |sum, rank| {
+            turn.comm().send(rank, &sum.to_le_bytes());
+            number(&turn.comm().receive(rank))
+        })
+    }
+}
+
+fn number(message: &[u8]) -> f64 {
+    message.try_into().map(f64::from_le_bytes).expect("all processes run the same program")
+}
+
+/// Computes this process's rows of a product for the leader, which sends the vector.
+fn multiply_part<V: Summable>(comm: &dyn Comm, own: &TransportMatrix, product: Product, rows: &Range<usize>) {
+    let from: Vec<V> = bytemuck::pod_collect_to_vec(&comm.broadcast(None));
+    let mut to = vec![V::default(); rows.len()];
+    own.multiply_own(product, rows.start, &from, &mut to);
+    comm.send(0, bytemuck::cast_slice(&to));
+}
+
+/// Makes this process's rows of the transpose, one for each of its projector pixels. Every process of the team must call it.
+fn transpose_part(comm: &dyn Comm, own: &TransportMatrix, pixels: &[StartPixels]) {
+    for layer in &own.layers {
+        let rows = layer.to_rows();
+        let message = |to: &StartPixels| wire::rows_to_bytes(&rows.transposed(&to.projector, own.rows.start));
+        let received = comm.exchange(pixels.iter().map(message).collect());
+        let channels = rows.weights.len();
+        // The rows of the matrix arrive by rank, so they are in order.
+        let parts: Vec<CompressedRows> = received
+            .iter()
+            .map(|bytes| wire::take_rows(bytes, channels).expect("all processes run the same program"))
+            .collect();
+        let count = pixels[comm.rank()].projector.len();
+        let mut joined = CompressedRows::with_room(channels, count, 0);
+        for row in 0..count {
+            parts.iter().for_each(|part| joined.extend(part, part.row(row)));
+            joined.end_row();
+        }
+        layer.keep_transpose(Layer::new(layer.bounces(), own.rig.camera.pixels(), vec![joined]));
     }
 }
 
@@ -213,15 +284,15 @@ impl SceneWorker {
             Command::Multiply { product, interleaved } => {
                 let own = own_rows(matrix, product, &pixels[comm.rank()]);
                 if interleaved {
-                    product::multiply_part::<Interleaved>(comm, matrix, product, own);
+                    multiply_part::<Interleaved>(comm, matrix, product, own);
                 } else {
-                    product::multiply_part::<f64>(comm, matrix, product, own);
+                    multiply_part::<f64>(comm, matrix, product, own);
                 }
             }
-            Command::Transpose => product::transpose_part(comm, matrix, pixels),
+            Command::Transpose => transpose_part(comm, matrix, pixels),
             Command::Rows { layer } => comm.send(0, &wire::rows_to_bytes(&matrix.layers[layer].to_rows())),
             Command::Squares { layer, channel } => {
-                let sum = product::number(&comm.receive(0));
+                let sum = number(&comm.receive(0));
                 comm.send(0, &matrix.layers[layer].tiles().squares(channel, sum).to_le_bytes());
             }
             _ => {}

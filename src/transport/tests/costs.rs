@@ -5,8 +5,9 @@ use std::time::Instant;
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, builtin};
-use crate::transport::share::Share;
-use crate::transport::{Channels, Probe, assemble, photo_bytes, pilot, predict};
+use crate::transport::contributions::Share;
+use crate::transport::scaling::{connections, pilot};
+use crate::transport::{Channels, Probe, assemble, photo_bytes, predict};
 
 fn tracer() -> Tracer {
     Tracer::new(&builtin::cornell().to_scene(), None)
@@ -23,15 +24,12 @@ fn tracer_apart() -> Tracer {
 #[test]
 fn a_pilot_has_one_path_from_each_of_few_pixels() {
     let long = TraceSettings::new(Resolution::new(100, 20), 9);
-    let of_long = pilot::of(&long);
+    let of_long = pilot(&long);
     assert_eq!(of_long, TraceSettings { resolution: Resolution::new(64, 20), samples: 1, ..long });
     let apart = TraceSettings { projector: Some(Resolution::new(3, 65)), seed: 5, ..long };
-    assert_eq!(
-        pilot::of(&apart),
-        TraceSettings { projector: Some(Resolution::new(3, 64)), seed: 5, ..of_long }
-    );
+    assert_eq!(pilot(&apart), TraceSettings { projector: Some(Resolution::new(3, 64)), seed: 5, ..of_long });
     let mut tracer = tracer();
-    let (paths, mean) = pilot::connections(&mut tracer, &of_long).expect("the scene can be traced");
+    let (paths, mean) = connections(&mut tracer, &of_long).expect("the scene can be traced");
     let mut counted = 0;
     let visit = &mut |batch: &crate::render::Batch<'_>| {
         counted += (0..batch.len()).map(|path| batch.connections(path).count()).sum::<usize>();
@@ -54,7 +52,7 @@ fn memory_is_predicted_from_a_pilot_where_it_could_be_too_much() {
     assert_eq!(predicted(most.bytes.ceil() as u64), most);
     let likely = predicted(most.bytes as u64 - 1);
     assert!(likely.connections < most.connections && likely.bytes < most.bytes, "{likely:?}");
-    let (_, mean) = pilot::connections(&mut tracer, &pilot::of(&settings)).expect("it can be traced");
+    let (_, mean) = connections(&mut tracer, &pilot(&settings)).expect("it can be traced");
     // The prediction is a twentieth more than the mean of 1920 paths.
     assert!(
         (likely.connections - 1.05 * mean * 8400.0).abs() < 1e-9 * likely.connections,
@@ -78,8 +76,8 @@ fn a_probe_measures_a_small_matrix_of_the_scene() {
         // Half and 0.64 of the pixels on each side: 128 on the longer one.
         let pilot = TraceSettings { resolution: Resolution::new(128, 30), projector: small, ..settings };
         let one = TraceSettings { samples: 1, ..pilot };
-        let (paths, connections) = pilot::connections(&mut tracer, &one).expect("the scene can be traced");
-        assert_eq!(probe.connections, connections);
+        let (paths, per_path) = connections(&mut tracer, &one).expect("the scene can be traced");
+        assert_eq!(probe.connections, per_path);
         let all = tracer.start_pixels(&pilot);
         let share = Share::<1>::trace(&mut tracer, &pilot, &all, false, None);
         let share = share.expect("the scene can be traced");
@@ -87,7 +85,7 @@ fn a_probe_measures_a_small_matrix_of_the_scene() {
         // The number of different pixels that are hit, if all paths from a pixel hit the pixels that they reach at random.
         let ends = small.unwrap_or(pilot.resolution).pixels() as f64;
         let reached = probe.reached * ends;
-        let hit = reached * (1.0 - (-3.0 * connections / reached).exp());
+        let hit = reached * (1.0 - (-3.0 * per_path / reached).exp());
         let of_start = found as f64 / paths as f64;
         assert!(probe.reached < 1.0 && (hit - of_start).abs() < 1e-6 * of_start, "{hit}, {of_start}");
         // Together, paths, entries, five products and vectors of 2²¹ entries take no longer than the whole.
@@ -112,6 +110,6 @@ fn a_probe_of_few_pixels_is_the_scene_as_it_is_asked_for() {
     let settings = TraceSettings::new(Resolution::new(20, 9), 2);
     let probe = Probe::measure(&mut tracer, &settings).expect("the scene can be traced");
     let one = TraceSettings { samples: 1, ..settings };
-    let (paths, connections) = pilot::connections(&mut tracer, &one).expect("the scene can be traced");
-    assert_eq!((paths, connections), (180, probe.connections));
+    let (paths, per_path) = connections(&mut tracer, &one).expect("the scene can be traced");
+    assert_eq!((paths, per_path), (180, probe.connections));
 }

@@ -8,10 +8,11 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicIsize, Ordering::SeqCst};
 
 use crate::image::Resolution;
-use crate::transport::chunk::{Chunk, Chunks, Key, Row, Term, Terms};
-use crate::transport::merging::{Combined, Merging, Pairs, combine};
-use crate::transport::row_sums::{FixedSums, Outline, Scale, outline};
-use crate::transport::share::Found;
+use crate::team::threads;
+use crate::transport::contributions::{Chunk, Chunks, Found, Key, Row, Term, Terms};
+use crate::transport::merging::{Merging, Pairs};
+use crate::transport::row_sums::{FixedSums, Scale, row_sums};
+use crate::transport::spread::{Combined, Steps, merge};
 use crate::transport::tiles::{CompressedRows, Entries, Fragment, Pages, Tiles, groups};
 use crate::transport::transpose::Sources;
 use crate::transport::{Bounces, Channels, Layer, Part, RigShape, TransportMatrix, wire};
@@ -149,21 +150,24 @@ fn group(threads: usize) -> f64 {
 /// in memory more often: half of its contributions transposed, its rows from the tasks, and its rows as one piece.
 #[test]
 fn a_triangle_gives_contributions_back_while_the_tiles_grow() {
-    for threads in [1, 2] {
+    for count in [1, 2] {
         let make = || Found::of_chunks(chunks(true, EACH));
-        let (combined, bytes) = measured(threads, make, |found| combine(found, rig(true), 0..PIXELS, 2, &[]));
-        let Combined { layers, rows, .. } = combined;
+        let alone = threads(1);
+        let steps = Steps::one(rig(true));
+        let (combined, bytes) =
+            measured(count, make, |found| merge(&alone[0], rig(true), &steps, found, 2, &[]));
+        let Combined { layers, rows, .. } = combined.unwrap_or_else(|error| unreachable!("{error}"));
         let entries: usize = layers.iter().map(Tiles::nonzeros).sum();
         let tiles: usize = layers.iter().map(Tiles::bytes).sum();
         assert!(entries > 3 * PIXELS * EACH / 2 && bytes.given >= TERM * PIXELS * EACH);
         // The first rows have the most entries on and above the diagonal.
-        let share = group(threads) * (2.0 - group(threads));
+        let share = group(count) * (2.0 - group(count));
         let of_group = (share * ((TERM / 2 + 2 * ENTRY) * PIXELS * EACH) as f64) as usize;
         // A pixel has its sums, the location of its contributions, a task's cursor and the number of its contributions.
         let of_pixels = 150 * PIXELS;
         let bound = bytes.given.max(tiles) + of_group + of_pixels;
         assert!(bound < bytes.given + tiles, "the bound tells something: {bound}, {bytes:?}, {tiles}");
-        assert!(bytes.most <= bound, "{threads} threads: {bytes:?} above {bound}; {tiles} of tiles");
+        assert!(bytes.most <= bound, "{count} threads: {bytes:?} above {bound}; {tiles} of tiles");
         // Only the matrix and the sums over its rows remain. The threads' own queues may have grown or shrunk.
         let kept = tiles + size_of_val(&rows[..]);
         assert!(bytes.left.abs_diff(kept) < SMALL / 4, "{bytes:?}, {kept}");
@@ -248,8 +252,7 @@ fn products_take_the_memory_of_some_bands() {
 fn merging_takes_the_contributions_and_twice_their_rows() {
     let make = || Sources::new(chunks(false, EACH), rig(false), &(0..PIXELS), false);
     let (entries, bytes) = measured(1, make, |sources| {
-        let terms = sources.counts(0);
-        let pieces = Merging::new(sources, Pairs::Apart, 0, terms, &[]).pieces(&(0..PIXELS), 2);
+        let pieces = Merging::new(sources, Pairs::Apart, 0, &[]).pieces(&(0..PIXELS), 2);
         pieces.iter().flatten().map(|piece| piece.columns.len()).sum::<usize>()
     });
     assert_eq!(entries, PIXELS * EACH);
@@ -265,21 +268,26 @@ fn sums_over_rows_take_a_quarter_of_the_contributions() {
     for (each, tasks) in [(3, 1), (24, 2), (72, 4)] {
         let work = |chunks: Vec<Chunk<1>>| {
             let chunks: Vec<&Chunk<1>> = chunks.iter().collect();
-            outline(&chunks, rig(true), &(0..PIXELS), false, Scale::new(130))
+            row_sums(&chunks, rig(true), Scale::new(130))
         };
-        let (Outline { sums, terms, of_class }, bytes) = measured(4, || chunks(true, each), work);
+        let (sums, bytes) = measured(4, || chunks(true, each), work);
         let (alone, _) = measured(1, || chunks(true, each), work);
-        assert!(sums == alone.sums && terms == alone.terms && of_class == alone.of_class);
+        let counts = |threads| {
+            let count = |chunks| Sources::new(chunks, rig(true), &(0..PIXELS), false).counts(0);
+            measured(threads, || chunks(true, each), count).0
+        };
+        let terms = counts(4);
+        assert!(sums == alone && terms == counts(1));
         assert_eq!(
-            (of_class, terms.iter().sum::<u32>()),
-            ([0, 2 * PIXELS * each, 0], (2 * PIXELS * each) as u32)
+            (Found::of_chunks(chunks(true, each)).about.of_class, terms.iter().sum::<u32>()),
+            ([0, PIXELS * each, 0], (2 * PIXELS * each) as u32)
         );
-        // Each row has two sums of sixteen bytes and a number.
-        let of_task = 36 * PIXELS;
+        // Each row has two sums of sixteen bytes.
+        let of_task = 32 * PIXELS;
         assert!(tasks == 1 || tasks * of_task <= bytes.given / 4);
         // The list of the rows with contributions has 32 bytes for each, and room for up to twice as many.
         let of_lists = 2 * 32 * PIXELS;
-        let made = (size_of::<FixedSums<1>>() + 4) * PIXELS;
+        let made = size_of::<FixedSums<1>>() * PIXELS;
         let bound = bytes.given + tasks * of_task + of_lists + made;
         assert!(bytes.most <= bound, "{each} of each pixel: {bytes:?} above {bound}");
     }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::transport::chunk::{Chunk, Key, Row, Term, Terms};
+use crate::transport::contributions::{Chunk, Key, Row, Term, Terms};
 use crate::transport::tiles::{CompressedRows, Fragment};
 use crate::transport::wire::{
     Garbled, Reader, chunks_to_bytes, message, put, put_chunks, put_estimates, put_fragments, rows_to_bytes,

@@ -24,6 +24,8 @@ pub(super) struct Filled<'a> {
 
 #[derive(Clone, Debug)]
 pub(super) struct Band {
+    /// The number of rows. The last band of a matrix may have fewer than the others.
+    pub(super) rows: usize,
     /// The start of each tile, from left to right, and the end of the last.
     pub(super) tiles: Vec<Start>,
     pub(super) slices: Vec<Slice>,
@@ -63,7 +65,7 @@ impl Band {
             }
         }
         windows.par_iter().zip(to).for_each(|(window, to)| window.fill(shape, cols, rows as u16, to));
-        Self { tiles, slices, columns, weights }
+        Self { rows, tiles, slices, columns, weights }
     }
 
     pub(super) fn bytes(&self) -> usize {
@@ -74,11 +76,11 @@ impl Band {
             + weights
     }
 
-    /// The places of the `rows` rows of a tile; `None` for an empty tile.
-    pub(super) fn places(&self, tile: usize, rows: usize) -> Option<Vec<Place>> {
+    /// The places of the rows of a tile; `None` for an empty tile.
+    pub(super) fn places(&self, tile: usize) -> Option<Vec<Place>> {
         let [start, end] = [self.tiles[tile], self.tiles[tile + 1]];
         let mut step = start.step;
-        let mut places = vec![Place::default(); rows + 1];
+        let mut places = vec![Place::default(); self.rows + 1];
         for slice in &self.slices[start.slice..end.slice] {
             for (lane, &row) in slice.rows.iter().enumerate() {
                 places[usize::from(row)] = Place { step, steps: slice.steps, lane: lane as u8 };
@@ -86,7 +88,7 @@ impl Band {
             step += slice.steps as usize;
         }
         // The last place belongs to lanes without a row.
-        places.truncate(rows);
+        places.truncate(self.rows);
         (end.slice > start.slice).then_some(places)
     }
 }
@@ -219,7 +221,7 @@ pub(super) fn of_bands(
     let of_tile = |&(band, tile): &(usize, usize)| {
         let first = tile * shape.columns;
         let of_tile = first.max(columns.start)..columns.end.min(first + shape.columns);
-        let places = bands[band].places(tile, shape.rows)?;
+        let places = bands[band].places(tile)?;
         let entries = OfTile { band: &bands[band], first_column: first, places, columns: of_tile.clone() };
         Some(Fragment::transposed(&entries, of_tile, first_row + band * shape.rows, channels))
     };

@@ -91,12 +91,11 @@ impl Tiles {
     }
 
     pub(super) fn product<V: Summable>(&self, channel: usize, band: usize, from: &[V]) -> Vec<V> {
-        let rows = self.shape.rows.min(self.rows - band * self.shape.rows);
         let band = &self.bands[band];
         let (slices, columns, weights) = (&band.slices[..], &band.columns[..], &band.weights[channel][..]);
         let sums = V::sums();
         // The additional entry is for lanes without a row.
-        let mut product = vec![V::default(); rows + 1];
+        let mut product = vec![V::default(); band.rows + 1];
         for (ends, from) in band.tiles.windows(2).zip(from.chunks(self.shape.columns)) {
             let [start, end] = [ends[0], ends[1]];
             sums.add(
@@ -107,15 +106,15 @@ impl Tiles {
                 &mut product,
             );
         }
-        product.truncate(rows);
+        product.truncate(band.rows);
         product
     }
 
     /// `sum` with the squares of all entries added. Each row is summed from left to right, and then the rows are added to `sum` one by one.
     /// Neither the shape, nor the number of threads, nor a cut between rows changes the bits.
     pub(super) fn squares(&self, channel: usize, sum: f64) -> f64 {
-        let of_band = |(number, band): (usize, &Band)| {
-            let mut sums = vec![0.0; self.shape.rows + 1];
+        let of_band = |band: &Band| {
+            let mut sums = vec![0.0_f64; band.rows + 1];
             let mut step = 0;
             for slice in &band.slices {
                 let steps = step..step + slice.steps as usize;
@@ -129,10 +128,10 @@ impl Tiles {
                 }
                 slice.rows.iter().zip(of_lanes).for_each(|(&row, sum)| sums[usize::from(row)] = sum);
             }
-            sums.truncate(self.shape.rows.min(self.rows - number * self.shape.rows));
+            sums.truncate(band.rows);
             sums
         };
-        let bands: Vec<Vec<f64>> = self.bands.par_iter().enumerate().map(of_band).collect();
+        let bands: Vec<Vec<f64>> = self.bands.par_iter().map(of_band).collect();
         bands.iter().flatten().fold(sum, |sum, row| sum + row)
     }
 }
@@ -154,8 +153,8 @@ impl Tiles {
 
     /// The offset of each row, and the number of entries at the end.
     pub(crate) fn row_start(&self, which: Entries) -> Vec<usize> {
-        let counts = |band| {
-            let mut counts = vec![0; self.rows_of(band).len()];
+        let counts = |band: usize| {
+            let mut counts = vec![0; self.bands[band].rows];
             self.each(band, which, |row, _, _, _| counts[row] += 1);
             counts
         };
@@ -229,7 +228,7 @@ impl Tiles {
             if is_upper && first_column + self.shape.columns <= rows.start {
                 continue;
             }
-            let Some(places) = band.places(tile, rows.len()) else { continue };
+            let Some(places) = band.places(tile) else { continue };
             for (row, place) in places.into_iter().enumerate() {
                 let from = if is_upper { (rows.start + row).saturating_sub(first_column) } else { 0 };
                 place.each(columns, from, self.shape.columns, |column, step| {

@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::net::TcpListener;
 
-use krylux::report::alignment::{ARROW, SHADOW};
+use krylux::bench::align::{ARROW, SHADOW};
 use serde_json::Value;
 
 use super::support::{folder, inside, krylux, pixels, rig, summary, text};

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use krylux::report::preview::{CRUSHED, SATURATED};
+use krylux::bench::preview::{CRUSHED, SATURATED};
 use serde_json::Value;
 
 use super::support::{command, folder, inside, krylux, pixels, rig, summary, text};

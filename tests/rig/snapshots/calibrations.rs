@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use krylux::bench::preview::{CountRange, Preview, level_frame};
+use krylux::bench::preview::LivePreview;
 use krylux::calibrate::{CalibrateOptions, CalibrationReport, MapBy, StructuredLight, map_check};
 use krylux::image::{Image, Resolution};
 use krylux::measure::Calibration;
@@ -78,15 +78,13 @@ fn structured_light_and_a_preview() {
     let rig = realistic();
     let mut live = frames(&rig, 0.03);
     let mut text = digits::text(&StructuredLight::white_exposure(&mut live).expect("white is seen"));
-    let (exposure, _) = StructuredLight::white_exposure(&mut live).expect("white is seen");
-    let range = CountRange::measure(None, &mut live).expect("a frame is taken");
-    text += &digits::text(&range);
     let ramp = (0..SIZE.pixels()).map(|pixel| (pixel % 32) as f32 / 31.0).collect();
     let image = Image::new(SIZE, 1, ramp).expect("a sample for each pixel");
-    let frame = level_frame(&image, &rig.projector_info()).expect("it has the projector's pixels");
-    let mut preview = Preview::new(&live, frame.into(), exposure, range);
+    let (mut preview, _) = LivePreview::new(Box::new(live), None, &image, None).expect("white is seen");
+    let range = *preview.range();
+    text += &digits::text(&range);
     for _ in 0..3 {
-        let figures = preview.capture(&mut live).expect("a frame is taken");
+        let figures = preview.capture().expect("a frame is taken");
         text += &digits::text(&figures);
         text += &format!("{}\n{}\n", figures.line(&range), figures.short_line(&range));
     }

@@ -1,0 +1,85 @@
+//! Compute pipelines and the buffers and textures that are bound to them. All calls belong within [`Gpu::guarded`].
+
+use wgpu::{BindGroupLayoutEntry, BindingType, BufferBindingType, ShaderStages};
+
+use super::Gpu;
+
+/// A uniform buffer.
+pub(crate) const UNIFORM: BindingType = buffer(BufferBindingType::Uniform);
+
+/// A storage buffer that the kernel only reads.
+pub(crate) const READ: BindingType = buffer(BufferBindingType::Storage { read_only: true });
+
+/// A storage buffer that the kernel writes.
+pub(crate) const WRITE: BindingType = buffer(BufferBindingType::Storage { read_only: false });
+
+/// A read-only storage texture, which serves as an array of texels.
+pub(crate) const TEXEL_ARRAY: BindingType = BindingType::StorageTexture {
+    access: wgpu::StorageTextureAccess::ReadOnly,
+    format: wgpu::TextureFormat::Rgba32Uint,
+    view_dimension: wgpu::TextureViewDimension::D2,
+};
+
+const fn buffer(ty: BufferBindingType) -> BindingType {
+    BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
+}
+
+impl Gpu {
+    /// The layout of bindings of these types. It is explicit, because an automatic layout omits bindings that a kernel does not use.
+    pub(crate) fn layout(&self, label: &str, types: &[BindingType]) -> wgpu::BindGroupLayout {
+        let entry = |(binding, &ty)| BindGroupLayoutEntry {
+            binding,
+            visibility: ShaderStages::COMPUTE,
+            ty,
+            count: None,
+        };
+        let entries: Vec<_> = (0..).zip(types).map(entry).collect();
+        let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries };
+        self.device.create_bind_group_layout(&descriptor)
+    }
+
+    /// Binds these buffers and textures in the order of their layout.
+    pub(crate) fn bind<'a>(
+        &self,
+        label: &str,
+        layout: &wgpu::BindGroupLayout,
+        resources: impl IntoIterator<Item = wgpu::BindingResource<'a>>,
+    ) -> wgpu::BindGroup {
+        let entry = |(binding, resource)| wgpu::BindGroupEntry { binding, resource };
+        let entries: Vec<_> = (0..).zip(resources).map(entry).collect();
+        let descriptor = wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries };
+        self.device.create_bind_group(&descriptor)
+    }
+
+    /// Compiles these entry points of a shader, whose bind groups have these layouts.
+    pub(crate) fn pipelines<const N: usize>(
+        &self,
+        label: &str,
+        source: wgpu::ShaderSource<'_>,
+        layouts: &[&wgpu::BindGroupLayout],
+        entry_points: [&str; N],
+    ) -> [wgpu::ComputePipeline; N] {
+        let device = &self.device;
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source });
+        let layouts: Vec<_> = layouts.iter().copied().map(Some).collect();
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(label),
+            bind_group_layouts: &layouts,
+            immediate_size: 0,
+        });
+        entry_points.map(|entry_point| {
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry_point),
+                layout: Some(&layout),
+                module: &module,
+                entry_point: Some(entry_point),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: self.pipeline_cache(),
+            })
+        })
+    }
+
+    pub(crate) fn encoder(&self) -> wgpu::CommandEncoder {
+        self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+}
