@@ -9,7 +9,7 @@ mod spread;
 use std::time::{Duration, Instant};
 
 use krylux::image::Resolution;
-use krylux::krylov::{Factorization, ForwardOnly, Lanczos, Method, SolveOptions, Start, solve_from};
+use krylux::krylov::{Factorization, ForwardOnly, Method, SolveOptions, Start, solve_from};
 use krylux::operator::{Operator, Symmetry};
 use krylux::render::{TraceSettings, Tracer};
 use krylux::scene::builtin;
@@ -81,8 +81,8 @@ impl Operator for Timed<'_> {
 /// The milliseconds of a product, and a Lanczos step's own work with full reorthogonalization against about 50 vectors over them.
 fn orthogonalization(matrix: MatrixOperator<'_>) -> Result<[String; 2], Box<dyn std::error::Error>> {
     let mut timed = Timed { matrix, inside: Duration::ZERO };
-    let mut lanczos = Lanczos::new(&Start::default().vector(SIDE * SIDE), &[])?;
-    lanczos.expansion_mut().reserve(VECTORS + 5);
+    let mut lanczos = Factorization::lanczos(&Start::default().vector(SIDE * SIDE), &[])?;
+    lanczos.reserve(VECTORS + 5);
     let [mut products, mut ratios] = [const { Vec::new() }; 2];
     while lanczos.steps() < VECTORS + 5 {
         timed.inside = Duration::ZERO;
@@ -122,7 +122,7 @@ fn solvers(matrix: MatrixOperator<'_>) -> Result<[String; 3], Box<dyn std::error
         let mut solver = method.solver(n, &wish, &options)?;
         timed.inside = Duration::ZERO;
         let start = Instant::now();
-        solve_from(solver.as_mut(), &mut ForwardOnly(&mut timed), &options)?;
+        solve_from(&mut solver, &mut ForwardOnly(&mut timed), &options)?;
         let own = start.elapsed().saturating_sub(timed.inside).as_secs_f64();
         *ratio = format!("{:.2}", own / timed.inside.as_secs_f64());
     }

@@ -181,18 +181,44 @@ impl Blur {
 
     /// The blurred image `K x`. Both have `n` values.
     pub fn apply(&self, x: &[f64]) -> Vec<f64> {
-        self.convolve(&self.kernel, x)
+        // The rows are convolved, and then the columns. Each weight of the kernel adds a shifted copy of a whole row, which is fast.
+        let (width, height) = (self.resolution.width, self.resolution.height);
+        let reach = self.kernel.len() - 1;
+        let mut rows = vec![0.0; x.len()];
+        let mut padded = vec![0.0; width + 2 * reach];
+        for (from, to) in x.chunks(width).zip(rows.chunks_mut(width)) {
+            for (at, value) in padded.iter_mut().enumerate() {
+                *value = from[mirrored(at as isize - reach as isize, width)];
+            }
+            for (offset, &weight) in self.kernel.iter().enumerate() {
+                add(to, weight, &padded[reach + offset..]);
+                if offset > 0 {
+                    add(to, weight, &padded[reach - offset..]);
+                }
+            }
+        }
+        let row = |y: isize| &rows[mirrored(y, height) * width..];
+        let mut picture = vec![0.0; x.len()];
+        for (y, to) in picture.chunks_mut(width).enumerate() {
+            for (offset, &weight) in self.kernel.iter().enumerate() {
+                let (y, offset) = (y as isize, offset as isize);
+                add(to, weight, row(y + offset));
+                if offset > 0 {
+                    add(to, weight, row(y - offset));
+                }
+            }
+        }
+        picture
     }
 
     /// The `n` variances of the entries of `K x`, if the entries of `x` are independent and have these `n` variances.
     pub fn variance(&self, variance: &[f64]) -> Vec<f64> {
         let (width, height) = (self.resolution.width, self.resolution.height);
         // Near an edge, a pixel enters more than once. Its weights are therefore summed before they are squared.
-        let [across, down] = [width, height].map(|length| {
-            (0..length).map(|at| self.squared_weights(at, length)).collect::<Vec<Vec<(usize, f64)>>>()
-        });
+        let [across, down] = [width, height]
+            .map(|length| (0..length).map(|at| self.weights(at, length)).collect::<Vec<Vec<(usize, f64)>>>());
         let sum = |row: &[(usize, f64)], of: &dyn Fn(usize) -> f64| {
-            row.iter().map(|&(at, w)| w * of(at)).sum::<f64>()
+            row.iter().map(|&(at, weight)| weight * weight * of(at)).sum::<f64>()
         };
         let rows: Vec<f64> = (0..width * height)
             .map(|pixel| sum(&across[pixel % width], &|x| variance[pixel / width * width + x]))
@@ -210,11 +236,6 @@ impl Blur {
         down.flat_map(|(y, b)| across.iter().map(move |&(x, a)| (y * width + x, a * b))).collect()
     }
 
-    /// The squared weights of the pixels that contribute to pixel `at` of a row of `length` pixels.
-    fn squared_weights(&self, at: usize, length: usize) -> Vec<(usize, f64)> {
-        self.weights(at, length).into_iter().map(|(at, weight)| (at, weight * weight)).collect()
-    }
-
     /// The weights of the pixels that contribute to pixel `at` of a row of `length` pixels.
     fn weights(&self, at: usize, length: usize) -> Vec<(usize, f64)> {
         let mut weights = std::collections::BTreeMap::new();
@@ -225,37 +246,6 @@ impl Blur {
             }
         }
         weights.into_iter().collect()
-    }
-
-    /// Convolves the rows and then the columns. Each weight of the kernel adds a shifted copy of a whole row, which is fast.
-    fn convolve(&self, kernel: &[f64], x: &[f64]) -> Vec<f64> {
-        let (width, height) = (self.resolution.width, self.resolution.height);
-        let reach = kernel.len() - 1;
-        let mut rows = vec![0.0; x.len()];
-        let mut padded = vec![0.0; width + 2 * reach];
-        for (from, to) in x.chunks(width).zip(rows.chunks_mut(width)) {
-            for (at, value) in padded.iter_mut().enumerate() {
-                *value = from[mirrored(at as isize - reach as isize, width)];
-            }
-            for (offset, &weight) in kernel.iter().enumerate() {
-                add(to, weight, &padded[reach + offset..]);
-                if offset > 0 {
-                    add(to, weight, &padded[reach - offset..]);
-                }
-            }
-        }
-        let row = |y: isize| &rows[mirrored(y, height) * width..];
-        let mut picture = vec![0.0; x.len()];
-        for (y, to) in picture.chunks_mut(width).enumerate() {
-            for (offset, &weight) in kernel.iter().enumerate() {
-                let (y, offset) = (y as isize, offset as isize);
-                add(to, weight, row(y + offset));
-                if offset > 0 {
-                    add(to, weight, row(y - offset));
-                }
-            }
-        }
-        picture
     }
 }
 

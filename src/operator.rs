@@ -32,7 +32,7 @@ pub enum Direction {
 
 /// A linear operator `A` of `rows × cols`. A product is expensive (on a rig it is a photo) and can fail (a rig can be unplugged).
 ///
-/// An operator implements either [`Operator::apply`] or [`Operator::apply_block`]. Each is the default of the other.
+/// An operator implements [`Operator::apply`] or [`Operator::apply_block`]; the default of each calls the other.
 pub trait Operator {
     /// The length of `y` in `y = A x`.
     fn rows(&self) -> usize;
@@ -40,7 +40,7 @@ pub trait Operator {
     fn cols(&self) -> usize;
     /// The symmetry, as far as it is known.
     fn symmetry(&self) -> Symmetry;
-    /// `y ← A x`; every entry of `y` is overwritten. The default is a block of one product.
+    /// `y ← A x`; every entry of `y` is overwritten.
     ///
     /// # Errors
     /// The error that stopped the product; `y` is then unspecified.
@@ -105,7 +105,8 @@ pub trait Operator {
     }
 }
 
-/// An operator whose transpose can be applied too. It implements either of the first two methods, as for [`Operator`].
+/// An operator whose transpose can be applied too, by [`Adjoint::apply_adjoint`] or [`Adjoint::apply_adjoint_block`]; an operator implements
+/// one of them.
 pub trait Adjoint: Operator {
     /// `x ← Aᵀ y`; every entry of `x` is overwritten. Fails with the errors of [`Operator::apply`].
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
@@ -137,123 +138,124 @@ pub(crate) fn block_mut(vectors: &mut [Vec<f64>]) -> Vec<&mut [f64]> {
     vectors.iter_mut().map(Vec::as_mut_slice).collect()
 }
 
-/// Implements the traits for references to operators and boxes of operators.
+/// Forwards methods of [`Operator`] from a wrapper to the operator inside it. The `impl` names the field that holds the inner operator, and
+/// the methods. `apply` means the products of [`Operator`], `adjoint` those of [`Adjoint`]. The field `deref` stands for the target
+/// of a pointer.
+macro_rules! delegate {
+    ($field:tt: $($method:ident),+ $(,)?) => { $( $crate::operator::delegate!(@$method $field); )+ };
+    (@rows $field:tt) => {
+        fn rows(&self) -> usize {
+            $crate::operator::inner!(self, $field).rows()
+        }
+    };
+    (@cols $field:tt) => {
+        fn cols(&self) -> usize {
+            $crate::operator::inner!(self, $field).cols()
+        }
+    };
+    (@symmetry $field:tt) => {
+        fn symmetry(&self) -> $crate::operator::Symmetry {
+            $crate::operator::inner!(self, $field).symmetry()
+        }
+    };
+    (@apply $field:tt) => {
+        fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> $crate::error::Result<()> {
+            $crate::operator::inner!(self, $field).apply_block(xs, ys)
+        }
+    };
+    (@block_size $field:tt) => {
+        fn block_size(&self) -> usize {
+            $crate::operator::inner!(self, $field).block_size()
+        }
+    };
+    (@observer $field:tt) => {
+        fn observer(&self) -> &dyn $crate::observer::Observer {
+            $crate::operator::inner!(self, $field).observer()
+        }
+    };
+    (@frames $field:tt) => {
+        fn frames(&self) -> Option<u64> {
+            $crate::operator::inner!(self, $field).frames()
+        }
+    };
+    (@common_error $field:tt) => {
+        fn common_error(&mut self, x: &[f64]) -> $crate::error::Result<f64> {
+            $crate::operator::inner!(self, $field).common_error(x)
+        }
+    };
+    (@confirming $field:tt) => {
+        fn confirming(&mut self, on: bool) -> bool {
+            $crate::operator::inner!(self, $field).confirming(on)
+        }
+    };
+    (@adjoint $field:tt) => {
+        fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> $crate::error::Result<()> {
+            $crate::operator::inner!(self, $field).apply_adjoint_block(ys, xs)
+        }
+    };
+    (@standard_errors $field:tt) => {
+        fn standard_errors(&self) -> Vec<f64> {
+            $crate::operator::inner!(self, $field).standard_errors()
+        }
+    };
+}
+
+/// The operator inside a wrapper.
+macro_rules! inner {
+    ($wrapper:ident, deref) => {
+        (**$wrapper)
+    };
+    ($wrapper:ident, $field:tt) => {
+        $wrapper.$field
+    };
+}
+
+pub(crate) use {delegate, inner};
+
+/// Implements the traits for a pointer to an operator.
 macro_rules! forward {
     ($($pointer:ty),*) => { $(
         impl<O: Operator + ?Sized> Operator for $pointer {
-            fn rows(&self) -> usize {
-                (**self).rows()
-            }
-
-            fn cols(&self) -> usize {
-                (**self).cols()
-            }
-
-            fn symmetry(&self) -> Symmetry {
-                (**self).symmetry()
-            }
-
-            fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-                (**self).apply_block(xs, ys)
-            }
-
-            fn block_size(&self) -> usize {
-                (**self).block_size()
-            }
-
-            fn observer(&self) -> &dyn Observer {
-                (**self).observer()
-            }
-
-            fn standard_errors(&self) -> Vec<f64> {
-                (**self).standard_errors()
-            }
-
-            fn frames(&self) -> Option<u64> {
-                (**self).frames()
-            }
-
-            fn common_error(&mut self, x: &[f64]) -> Result<f64> {
-                (**self).common_error(x)
-            }
-
-            fn confirming(&mut self, on: bool) -> bool {
-                (**self).confirming(on)
-            }
+            delegate!(deref: rows, cols, symmetry, apply, block_size, observer);
+            delegate!(deref: standard_errors, frames, common_error, confirming);
         }
 
         impl<O: Adjoint + ?Sized> Adjoint for $pointer {
-            fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
-                (**self).apply_adjoint_block(ys, xs)
-            }
+            delegate!(deref: adjoint);
         }
     )* };
 }
 
 forward!(&mut O, Box<O>);
 
-/// Forwards methods of [`Operator`] from a wrapper to the operator inside it. The `impl` names the field that holds the inner operator, and
-/// the methods. `apply` means the products of [`Operator`], `adjoint` those of [`Adjoint`].
-macro_rules! delegate {
-    ($field:tt: $($method:ident),+ $(,)?) => { $( $crate::operator::delegate!(@$method $field); )+ };
-    (@rows $field:tt) => {
-        fn rows(&self) -> usize {
-            self.$field.rows()
-        }
-    };
-    (@cols $field:tt) => {
-        fn cols(&self) -> usize {
-            self.$field.cols()
-        }
-    };
-    (@symmetry $field:tt) => {
-        fn symmetry(&self) -> $crate::operator::Symmetry {
-            self.$field.symmetry()
-        }
-    };
-    (@apply $field:tt) => {
-        fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> $crate::error::Result<()> {
-            self.$field.apply_block(xs, ys)
-        }
-    };
-    (@block_size $field:tt) => {
-        fn block_size(&self) -> usize {
-            self.$field.block_size()
-        }
-    };
-    (@observer $field:tt) => {
-        fn observer(&self) -> &dyn $crate::observer::Observer {
-            self.$field.observer()
-        }
-    };
-    (@frames $field:tt) => {
-        fn frames(&self) -> Option<u64> {
-            self.$field.frames()
-        }
-    };
-    (@common_error $field:tt) => {
-        fn common_error(&mut self, x: &[f64]) -> $crate::error::Result<f64> {
-            self.$field.common_error(x)
-        }
-    };
-    (@confirming $field:tt) => {
-        fn confirming(&mut self, on: bool) -> bool {
-            self.$field.confirming(on)
-        }
-    };
-    (@adjoint $field:tt) => {
-        fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> $crate::error::Result<()> {
-            self.$field.apply_adjoint_block(ys, xs)
-        }
-    };
-    (@standard_errors $field:tt) => {
-        fn standard_errors(&self) -> Vec<f64> {
-            self.$field.standard_errors()
-        }
-    };
+/// `A x` in a new vector.
+pub(crate) fn product(operator: &mut dyn Operator, x: &[f64]) -> Result<Vec<f64>> {
+    let mut y = vec![0.0; operator.rows()];
+    operator.apply(x, &mut y)?;
+    Ok(y)
 }
 
-pub(crate) use delegate;
+/// Takes the products of `operator` with `before(x)` for each of `xs` as a block. `after` writes each `y` from `x` and its product.
+pub(crate) fn between(
+    operator: &mut dyn Operator,
+    (xs, ys): (&[&[f64]], &mut [&mut [f64]]),
+    before: impl Fn(&[f64]) -> Vec<f64>,
+    after: impl Fn(&[f64], &[f64], &mut [f64]),
+) -> Result<()> {
+    let from: Vec<Vec<f64>> = xs.iter().map(|x| before(x)).collect();
+    let mut to = vec![vec![0.0; operator.rows()]; xs.len()];
+    operator.apply_block(&block(&from), &mut block_mut(&mut to))?;
+    for ((x, product), y) in xs.iter().zip(&to).zip(ys) {
+        after(x, product, y);
+    }
+    Ok(())
+}
+
+/// Refuses an operator that is not `n × n`; `what` names it.
+pub(crate) fn check_square(what: &'static str, n: usize, operator: &dyn Operator) -> Result<()> {
+    let found = format!("{}x{}", operator.rows(), operator.cols());
+    Error::check_size(what, format!("{n}x{n}"), found)
+}
 
 /// The largest block that is requested at once. It limits the number of vectors in memory.
 const LARGEST_BLOCK: usize = 8;

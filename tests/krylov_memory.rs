@@ -11,9 +11,8 @@ use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 
 use comb::Comb;
 use krylux::krylov::{
-    Advance, Arnoldi, BlockLanczos, Constraint, Diagonal, EigsMethod, EigsOptions, Factorization,
-    ForwardOnly, Lanczos, METHODS, Method, Multiscale, Preconditioner, Side, SolveOptions, Solver, Start,
-    Which, eigs, eigs_from,
+    Advance, Constraint, Diagonal, EigsMethod, EigsOptions, Factorization, ForwardOnly, METHODS, Method,
+    Multiscale, Preconditioner, Side, SolveOptions, Solver, Start, Which, eigs, eigs_from,
 };
 use krylux::operator::Operator;
 
@@ -75,16 +74,16 @@ fn long_allocations(work: impl FnOnce()) -> usize {
 fn steps_allocate_no_long_vector_once_memory_is_set_aside() {
     let _alone = ALONE.lock();
     let start = Start::default();
-    let mut lanczos = Lanczos::new(&start.vector(N), &[]).unwrap();
-    let mut block = BlockLanczos::new(&start.block(N, 3), &[]).unwrap();
-    let mut arnoldi = Arnoldi::new(&start.vector(N), &[]).unwrap();
-    let processes: [&mut dyn Factorization; 3] = [&mut lanczos, &mut block, &mut arnoldi];
+    let mut lanczos = Factorization::lanczos(&start.vector(N), &[]).unwrap();
+    let mut block = Factorization::block_lanczos(&start.block(N, 3), &[]).unwrap();
+    let mut arnoldi = Factorization::arnoldi(&start.vector(N), &[]).unwrap();
+    let processes: [&mut Factorization; 3] = [&mut lanczos, &mut block, &mut arnoldi];
     for process in processes {
         let without = long_allocations(|| {
             process.expand(&mut Comb::indefinite(N)).unwrap();
         });
         assert_eq!(without, 1, "the new basis vector, and that only");
-        process.expansion_mut().reserve(20);
+        process.reserve(20);
         let with = long_allocations(|| {
             for _ in 1..20 {
                 process.expand(&mut Comb::indefinite(N)).unwrap();
@@ -132,7 +131,7 @@ fn white() -> Vec<f64> {
     photo
 }
 
-fn steps(solver: &mut dyn Solver, count: usize, what: &str) {
+fn steps(solver: &mut Solver, count: usize, what: &str) {
     for _ in 0..count {
         let advance = solver.step(&mut ForwardOnly(&mut Comb::definite(N))).unwrap();
         assert_eq!(advance, Advance::Continuing, "{what}");
@@ -165,8 +164,8 @@ fn solvers_allocate_no_long_vector_after_their_first_iteration() {
             let what = format!("{}, {case}", facts.name);
             let mut solver = facts.method.solver(N, &b, &options).unwrap();
             // The white photo, where it has to be taken, and an iteration.
-            steps(solver.as_mut(), first, &what);
-            let counted = long_allocations(|| steps(solver.as_mut(), later, &what));
+            steps(&mut solver, first, &what);
+            let counted = long_allocations(|| steps(&mut solver, later, &what));
             assert_eq!(counted, 0, "{what}");
             assert_eq!(solver.tally().products, first + later, "{what}");
         }
@@ -190,7 +189,7 @@ fn solvers_store_what_the_table_of_methods_says() {
             }
             let before = LIVE.load(SeqCst);
             let mut solver = facts.method.solver(N, &b, &options).unwrap();
-            steps(solver.as_mut(), products, facts.name);
+            steps(&mut solver, products, facts.name);
             let stored = LIVE.load(SeqCst) - before;
             assert_eq!(stored, facts.images + facts.images_per_product * products, "{}", facts.name);
         }
@@ -200,7 +199,7 @@ fn solvers_store_what_the_table_of_methods_says() {
 #[test]
 fn restarts_use_the_memory_that_they_set_free() {
     let _alone = ALONE.lock();
-    let mut lanczos = Lanczos::new(&Start::default().vector(N), &[]).unwrap();
+    let mut lanczos = Factorization::lanczos(&Start::default().vector(N), &[]).unwrap();
     let options = |products| EigsOptions {
         count: 2,
         products,

@@ -2,41 +2,9 @@
 //!
 //! On a coaxial rig, direct light is the diagonal of `A`, and a large part of it. Simulators omit it; rigs measure and subtract it.
 
-use super::separate::{Separation, checkerboards, random_patterns};
 use crate::error::{Error, Result};
-use crate::image::{Blur, Resolution};
-use crate::operator::{Operator, block, block_mut, delegate};
-
-/// How the direct light is measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DirectMethod {
-    /// Nayar's checkerboards with squares of `square` pixels, shifted to `shifts²` places, one photo each ([`checkerboards`]).
-    /// They overestimate the direct light where global light resolves the squares.
-    Checkerboards {
-        /// Side of a square in pixels.
-        square: usize,
-        /// Number of places in each direction.
-        shifts: usize,
-    },
-    /// Patterns of random signs and the white one ([`random_patterns`]): unbiased, but noisy.
-    Estimator {
-        /// Number of random patterns.
-        photos: usize,
-    },
-}
-
-/// Measures the direct light of `operator` (`n × n`, all light). Fails as [`checkerboards`] and [`random_patterns`] do.
-pub fn measure_direct(
-    operator: &mut dyn Operator,
-    resolution: Resolution,
-    by: DirectMethod,
-    seed: u64,
-) -> Result<Separation> {
-    match by {
-        DirectMethod::Checkerboards { square, shifts } => checkerboards(operator, resolution, square, shifts),
-        DirectMethod::Estimator { photos } => random_patterns(operator, photos, seed),
-    }
-}
+use crate::image::Blur;
+use crate::operator::{Operator, between, check_square, delegate};
 
 /// The operator `A − diag(d)`, with the symmetry of `A`. A product is one photo.
 pub struct WithoutDirect<'a> {
@@ -47,33 +15,24 @@ pub struct WithoutDirect<'a> {
 impl<'a> WithoutDirect<'a> {
     /// The operator for `A` (`n × n`) and `d` (`n`). Fails with [`Error::Dimension`] if the sizes differ.
     pub fn new(operator: &'a mut dyn Operator, direct: &'a [f64]) -> Result<Self> {
-        if [operator.rows(), operator.cols()].iter().any(|&side| side != direct.len()) {
-            return Err(Error::dimension("pixels of the direct image", operator.cols(), direct.len()));
+        for side in [operator.rows(), operator.cols()] {
+            Error::check_size("pixels of the direct image", side, direct.len())?;
         }
         Ok(Self { operator, direct })
-    }
-
-    fn subtract(&self, x: &[f64], y: &mut [f64]) {
-        for ((y, x), direct) in y.iter_mut().zip(x).zip(self.direct) {
-            *y -= direct * x;
-        }
     }
 }
 
 impl Operator for WithoutDirect<'_> {
-    delegate!(operator: symmetry, block_size, observer, standard_errors, common_error, frames, confirming);
-
-    fn rows(&self) -> usize {
-        self.direct.len()
-    }
-
-    fn cols(&self) -> usize {
-        self.direct.len()
-    }
+    delegate!(operator: rows, cols, symmetry, block_size, observer, standard_errors, common_error, frames);
+    delegate!(operator: confirming);
 
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.operator.apply_block(xs, ys)?;
-        xs.iter().zip(ys).for_each(|(x, y)| self.subtract(x, y));
+        for (x, y) in xs.iter().zip(ys) {
+            for ((y, x), direct) in y.iter_mut().zip(*x).zip(self.direct) {
+                *y -= direct * x;
+            }
+        }
         Ok(())
     }
 }
@@ -84,49 +43,23 @@ impl Operator for WithoutDirect<'_> {
 pub struct Blurred<'a> {
     operator: &'a mut dyn Operator,
     blur: Blur,
-    photo: Vec<f64>,
 }
 
 impl<'a> Blurred<'a> {
     /// The operator for `A` (`n × n`). Fails with [`Error::Dimension`] if the blur has another number of pixels.
     pub fn new(operator: &'a mut dyn Operator, blur: Blur) -> Result<Self> {
-        let pixels = blur.resolution().pixels();
-        if [operator.rows(), operator.cols()].iter().any(|&side| side != pixels) {
-            return Err(Error::dimension(
-                "rows and columns of an operator to be blurred",
-                pixels,
-                format!("{}x{}", operator.rows(), operator.cols()),
-            ));
-        }
-        Ok(Self { operator, blur, photo: vec![0.0; pixels] })
+        check_square("rows and columns of an operator to be blurred", blur.resolution().pixels(), operator)?;
+        Ok(Self { operator, blur })
     }
 }
 
 impl Operator for Blurred<'_> {
-    delegate!(operator: symmetry, block_size, observer, frames, confirming);
-
-    fn rows(&self) -> usize {
-        self.photo.len()
-    }
-
-    fn cols(&self) -> usize {
-        self.photo.len()
-    }
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.operator.apply(&self.blur.apply(x), &mut self.photo)?;
-        y.copy_from_slice(&self.blur.apply(&self.photo));
-        Ok(())
-    }
+    delegate!(operator: rows, cols, symmetry, block_size, observer, frames, confirming);
 
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        let patterns: Vec<Vec<f64>> = xs.iter().map(|x| self.blur.apply(x)).collect();
-        let mut photos = vec![vec![0.0; self.photo.len()]; xs.len()];
-        self.operator.apply_block(&block(&patterns), &mut block_mut(&mut photos))?;
-        for (photo, y) in photos.iter().zip(ys) {
-            y.copy_from_slice(&self.blur.apply(photo));
-        }
-        Ok(())
+        let blur = &self.blur;
+        let after = |_: &[f64], photo: &[f64], y: &mut [f64]| y.copy_from_slice(&blur.apply(photo));
+        between(self.operator, (xs, ys), |x| blur.apply(x), after)
     }
 
     /// The standard errors of the photos, reduced by the blur as if their noise were the same in all pixels.
@@ -135,7 +68,7 @@ impl Operator for Blurred<'_> {
         if errors.is_empty() {
             return errors;
         }
-        let ones = vec![1.0; self.photo.len()];
+        let ones = vec![1.0; self.operator.cols()];
         let left = self.blur.variance(&ones).iter().sum::<f64>() / ones.len() as f64;
         errors.into_iter().map(|error| left.sqrt() * error).collect()
     }
@@ -144,6 +77,7 @@ impl Operator for Blurred<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Resolution;
     use crate::operator::Symmetry;
 
     /// `A_ij = i j + δ_ij`; a non-symmetric variant adds a constant for `i < j`.

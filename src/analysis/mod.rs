@@ -3,9 +3,9 @@
 //! | question | modules and types |
 //! |---|---|
 //! | which pixels exchange light? | [`mod@segment`]; its photos: [`Capture`] |
-//! | which matrix does segmentation use? | [`Graph`], [`NormalizedAdjacency`], [`NegativeLaplacian`] |
+//! | which matrix does segmentation use? | [`Graph`], [`CutMatrix`] |
 //! | which pattern makes the scene look like a target? | [`mod@compensate`], for a [`Target`] |
-//! | how is direct light measured and left out, or an operator blurred? | [`mod@direct`]: [`WithoutDirect`], [`Blurred`] |
+//! | how is direct light left out, or an operator blurred? | [`mod@direct`]: [`WithoutDirect`], [`Blurred`] |
 //! | which light comes straight from the projector? | [`mod@separate`] |
 //! | how does the scene look under another pattern? | [`mod@low_rank`] |
 //! | from how far away does light come? | [`mod@probe`] |
@@ -23,7 +23,6 @@ pub mod low_rank;
 pub mod plan;
 pub mod planes;
 pub mod probe;
-mod rand_index;
 pub mod segment;
 pub mod separate;
 pub mod similarity;
@@ -33,13 +32,12 @@ pub use compensate::{
     Clamping, CompensateOptions, Compensation, CompensationRow, Crosstalk, MethodRun, Precondition, Prior,
     Target,
 };
-pub use direct::{Blurred, DirectMethod, WithoutDirect, measure_direct};
+pub use direct::{Blurred, WithoutDirect};
 pub use low_rank::LowRank;
 pub use probe::{Probed, Probing};
-pub use rand_index::adjusted_rand_index;
 pub use segment::{
-    Capture, Cut, Evidence, FeatureView, Graph, MASKED, NegativeLaplacian, NormalizedAdjacency, Regions,
-    SegmentOptions, Segmentation,
+    Capture, Cut, CutMatrix, Evidence, FeatureView, Graph, MASKED, Regions, SegmentOptions, Segmentation,
+    adjusted_rand_index,
 };
 pub use separate::Separation;
 pub use similarity::Similarity;

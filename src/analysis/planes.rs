@@ -22,16 +22,21 @@ pub fn norm(planes: &Planes) -> f64 {
 }
 
 /// `a + b`.
-pub fn sum(a: &Planes, b: &Planes) -> Planes {
+pub fn sum(a: &[Vec<f64>], b: &[Vec<f64>]) -> Planes {
     combined(a, b, |a, b| a + b)
 }
 
 /// `a − b`.
-pub fn difference(a: &Planes, b: &Planes) -> Planes {
+pub fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> Planes {
     combined(a, b, |a, b| a - b)
 }
 
-fn combined(a: &Planes, b: &Planes, with: fn(f64, f64) -> f64) -> Planes {
+/// `factor · planes`.
+pub fn times(factor: f64, planes: &[Vec<f64>]) -> Planes {
+    planes.iter().map(|plane| plane.iter().map(|value| factor * value).collect()).collect()
+}
+
+fn combined(a: &[Vec<f64>], b: &[Vec<f64>], with: fn(f64, f64) -> f64) -> Planes {
     let plane = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(&a, &b)| with(a, b)).collect();
     a.iter().zip(b).map(plane).collect()
 }

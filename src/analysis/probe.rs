@@ -12,7 +12,7 @@ use rand_pcg::Pcg64;
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::operator::Operator;
+use crate::operator::{Operator, check_square, product};
 use crate::sparse::Csr;
 
 /// The selection of light paths.
@@ -133,13 +133,7 @@ pub fn probe(
 ) -> Result<Probed> {
     probing.check()?;
     let n = resolution.pixels();
-    if operator.rows() != n || operator.cols() != n {
-        return Err(Error::dimension(
-            "the transport operator to be probed",
-            format!("{n}x{n}"),
-            format!("{}x{}", operator.rows(), operator.cols()),
-        ));
-    }
+    check_square("the transport operator to be probed", n, operator)?;
     if photos < 2 {
         return Err(Error::option("--photos", format!("{photos} tell no error")).help("give at least 2"));
     }
@@ -164,8 +158,7 @@ pub fn probe(
         }
     }
     if matches!(probing, Probing::Indirect | Probing::Far { .. }) {
-        let mut white = vec![0.0; n];
-        operator.apply(&vec![1.0; n], &mut white)?;
+        let white = product(operator, &vec![1.0; n])?;
         products += 1;
         mean.iter_mut().zip(white).for_each(|(mean, white)| *mean = white - *mean);
     }
@@ -182,8 +175,7 @@ pub(super) fn smooth_patterns(resolution: Resolution, sigma: f64, count: usize, 
 }
 
 fn correlation(operator: &mut dyn Operator, pattern: &[f64]) -> Result<Vec<f64>> {
-    let mut photo = vec![0.0; pattern.len()];
-    operator.apply(pattern, &mut photo)?;
+    let photo = product(operator, pattern)?;
     Ok(photo.iter().zip(pattern).map(|(photo, mask)| photo * mask).collect())
 }
 

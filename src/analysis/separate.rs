@@ -24,7 +24,7 @@ use super::planes::Planes;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::krylov::{Start, diagonal};
-use crate::operator::{Operator, Symmetry};
+use crate::operator::{Operator, Symmetry, product};
 use crate::transport::{Bounces, TransportMatrix};
 use high_frequency::{check_checkerboards, check_codes, check_sinusoids};
 
@@ -113,9 +113,7 @@ impl SeparateBy {
             Self::Random { photos } | Self::Capture { photos } => photos + 1,
         }
     }
-}
 
-impl SeparateBy {
     /// Refuses settings that the method cannot use, before any photo is taken, with [`Error::Option`] naming the option.
     pub fn check(self) -> Result<()> {
         match self {
@@ -123,6 +121,31 @@ impl SeparateBy {
             Self::Sinusoids { period, phases } => check_sinusoids(period, phases),
             Self::Codes { photos } => check_codes(photos),
             Self::Random { .. } | Self::Capture { .. } => Ok(()),
+        }
+    }
+
+    /// Separates with `operator`, all light (`n × n`), without regard to its symmetry. Fails with the errors of the method.
+    pub fn measure(
+        self,
+        operator: &mut dyn Operator,
+        resolution: Resolution,
+        seed: u64,
+    ) -> Result<Separation> {
+        match self {
+            Self::Checkerboards { square, shifts } => checkerboards(operator, resolution, square, shifts),
+            Self::Sinusoids { period, phases } => sinusoids(operator, resolution, period, phases),
+            Self::Codes { photos } => codes(operator, resolution, photos),
+            Self::Random { photos } => random_patterns(operator, photos, seed),
+            Self::Capture { photos } => {
+                let options = LowRankCapture {
+                    photos,
+                    start: Some(Start::Rademacher { seed }),
+                    ..LowRankCapture::default()
+                };
+                let model = capture(operator, &[], &options)?;
+                let white = product(operator, &vec![1.0; resolution.pixels()])?;
+                from_capture(&model, &white)
+            }
         }
     }
 }
@@ -143,23 +166,7 @@ pub fn separate(
                 by.name()
             )).help("use --by exact on a scene, or put the projector where the camera is"));
     }
-    match by {
-        SeparateBy::Checkerboards { square, shifts } => checkerboards(operator, resolution, square, shifts),
-        SeparateBy::Sinusoids { period, phases } => sinusoids(operator, resolution, period, phases),
-        SeparateBy::Codes { photos } => codes(operator, resolution, photos),
-        SeparateBy::Random { photos } => random_patterns(operator, photos, seed),
-        SeparateBy::Capture { photos } => {
-            let options = LowRankCapture {
-                photos,
-                start: Some(Start::Rademacher { seed }),
-                ..LowRankCapture::default()
-            };
-            let model = capture(operator, &[], &options)?;
-            let mut white = vec![0.0; resolution.pixels()];
-            operator.apply(&vec![1.0; resolution.pixels()], &mut white)?;
-            from_capture(&model, &white)
-        }
-    }
+    by.measure(operator, resolution, seed)
 }
 
 // Separation by estimating the diagonal of `A`. For coaxial pinholes, the diagonal is the direct light plus the global light that returns
@@ -169,8 +176,8 @@ pub fn separate(
 /// n`). The result is unbiased for any scene; a pixel's variance is `Σ_{j≠i} A_ij² / photos`.
 pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) -> Result<Separation> {
     let estimate = diagonal(operator, photos, seed)?;
-    let mut white = vec![0.0; operator.rows()];
-    operator.apply(&vec![1.0; operator.cols()], &mut white)?;
+    let ones = vec![1.0; operator.cols()];
+    let white = product(operator, &ones)?;
     let global = white.iter().zip(&estimate.values).map(|(white, direct)| white - direct).collect();
     Ok(Separation {
         direct: estimate.values,
@@ -190,9 +197,7 @@ pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) ->
 /// [`Error::Dimension`] if the white photo (`n`) and the model differ in size.
 pub fn from_capture(model: &LowRank, white: &[f64]) -> Result<Separation> {
     let n = model.cols();
-    if white.len() != n {
-        return Err(Error::dimension("pixels of the white photo", n, white.len()));
-    }
+    Error::check_size("pixels of the white photo", n, white.len())?;
     let (mut products, mut squares) = (vec![0.0; n], vec![0.0; n]);
     for (pattern, photo) in model.basis().iter().zip(model.photos()) {
         for i in 0..n {

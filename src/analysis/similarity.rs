@@ -40,13 +40,7 @@ pub struct Similarity {
 /// [`Error::Dimension`] if sizes or channels differ; [`Error::Option`] naming `--range` if it is not positive.
 pub fn similarity(image: &Image, reference: &Image, range: f64) -> Result<Similarity> {
     let shape = |image: &Image| format!("{}x{}", image.resolution(), image.channels());
-    if shape(image) != shape(reference) {
-        return Err(Error::dimension(
-            "pixels and channels of the two images",
-            shape(reference),
-            shape(image),
-        ));
-    }
+    Error::check_size("pixels and channels of the two images", shape(reference), shape(image))?;
     if !(range > 0.0 && range.is_finite()) {
         return Err(Error::option("--range", format!("{range} is no data range"))
             .help("give a positive number: what the values could span, 1 for pictures in [0, 1]"));

@@ -42,10 +42,7 @@ impl CountRange {
         let (shortest, projector) = (camera.exposures[0], frames.projector());
         let dark = Frame::filled(projector.resolution, projector.channels, 0);
         let raw = frames.capture(&CaptureRequest { frame: Arc::new(dark), exposure: shortest, take: 0 })?;
-        let mut counts = raw.counts;
-        let middle = counts.len() / 2;
-        let black = f64::from(*counts.select_nth_unstable(middle).1);
-        Ok(Self { black, limit: full, full })
+        Ok(Self { black: raw.percentile(0.5), limit: full, full })
     }
 
     /// Paints a frame in sRGB, from the count without light to the largest count. Pixels with a saturated sample are [`SATURATED`], and
@@ -200,11 +197,10 @@ impl FrameFigures {
         let samples = raw.counts.len() as f64;
         let share =
             |of: &dyn Fn(u16) -> bool| raw.counts.iter().filter(|&&count| of(count)).count() as f64 / samples;
-        let mean = raw.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / samples;
         Self {
             frame,
             brightest: raw.counts.iter().copied().max().unwrap_or(0),
-            mean: (mean - range.black) / (range.full - range.black),
+            mean: (raw.mean() - range.black) / (range.full - range.black),
             saturated: share(&|count| f64::from(count) >= range.limit),
             black: share(&|count| count == 0),
             focus,

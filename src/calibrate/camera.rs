@@ -8,7 +8,7 @@ use super::report::{CameraFigures, MeasuredValue};
 use super::response::response;
 use super::session::{CalibrationSession, Linear};
 use crate::error::{Error, Result};
-use crate::image::percentile;
+use crate::measure::CameraResponse;
 use crate::rig::{Frame, RawFrame};
 
 /// The number of exposures in the series. They descend from white's exposure by factors of √2.
@@ -22,9 +22,7 @@ const MARGIN: f64 = 4.0;
 
 #[derive(Clone, Debug)]
 pub(crate) struct CalibratedCamera {
-    pub(crate) linear: Linear,
-    /// Counts of at least this value may be saturated.
-    pub(crate) limit: f64,
+    pub(crate) response: CameraResponse,
     pub(crate) figures: CameraFigures,
     /// The relative noise of one white photo at an average pixel.
     pub(crate) white_noise: f64,
@@ -43,7 +41,7 @@ pub(crate) fn camera(
     let dark: Vec<[RawFrame; 2]> = (0..DARK_PAIRS)
         .map(|_| Ok([session.capture(&black, shortest)?, session.capture(&black, shortest)?]))
         .collect::<Result<_>>()?;
-    let floor = percentile(dark[0][0].counts.iter().map(|&count| count.into()), 0.5);
+    let floor = dark[0][0].percentile(0.5);
     let plateau = plateau(session, white, exposure, floor)?;
     let (up, down) = series(session, white, exposure)?;
     let darks = dark_series(session, &black, exposure)?;
@@ -84,8 +82,13 @@ pub(crate) fn camera(
             dark_rate,
             exposure,
         },
-        linear,
-        limit,
+        response: CameraResponse {
+            black: linear.black,
+            saturation: limit,
+            gain: noise.gain.value,
+            read_noise: noise.read_noise.value,
+            curve: linear.curve,
+        },
         white_noise,
     })
 }
@@ -139,7 +142,7 @@ fn dark_line(
     let mut normal = Normal::new(2);
     for frame in dark.iter().flatten().chain(darks) {
         let samples = frame.counts.len() as f64;
-        let mean = frame.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / samples;
+        let mean = frame.mean();
         // Counting the black level as light bounds the shot noise from above.
         let variance = (read_noise.powi(2) + mean / gain) / samples;
         normal.add_full(&[1.0, frame.exposure], mean, 1.0 / variance.max(1e-9));

@@ -59,7 +59,7 @@ pub(crate) fn search(
     let full = session.full();
     let black = session.filled(0);
     let dark = session.capture(&black, shortest)?;
-    let floor = percentile(dark.counts.iter().map(|&count| count.into()), 0.5);
+    let floor = dark.percentile(0.5);
     if floor > 0.9 * full {
         // The camera is saturated without a pattern, so no range is left to fill.
         return Ok((shortest, WhiteExposure::TooBright));
@@ -68,7 +68,7 @@ pub(crate) fn search(
     let mut exposure = session.allowed((shortest * longest).sqrt());
     for _ in 0..24 {
         let raw = session.capture(frame, exposure)?;
-        let bright = percentile(raw.counts.iter().map(|&count| count.into()), BRIGHT);
+        let bright = raw.percentile(BRIGHT);
         if (bright - target).abs() < 0.1 * (full - floor) {
             return Ok((raw.exposure, WhiteExposure::Filled));
         }

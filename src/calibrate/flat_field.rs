@@ -18,8 +18,8 @@ use super::least_squares::Normal;
 use super::session::{CalibrationSession, CameraModel};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::measure::display::Display;
-use crate::measure::spread::Spread;
+use crate::measure::display::PatternDisplay;
+use crate::measure::spread::PixelSpread;
 use crate::measure::{DitherBy, FlatField, Measurement, Registration};
 use crate::transport::Part;
 
@@ -99,7 +99,7 @@ impl Photos {
         let dark = session.mean(&session.filled(0), exposure, 4 * model.takes)?;
         let (mut patterns, mut photos, mut variance) = (Vec::new(), Vec::new(), Vec::new());
         let (seen, size) = (registration.seen(), registration.projector);
-        let display = Display::new(session.projector(), curves, true, DitherBy::None, 0)?;
+        let display = PatternDisplay::new(session.projector(), curves, true, DitherBy::None, 0)?;
         for wave in WAVES {
             let pattern = (0..size.pixels())
                 .map(|pixel| if seen[pixel] { smooth(centred(pixel, size), wave) } else { 0.0 });
@@ -127,7 +127,7 @@ impl Photos {
             photos.push(photo);
             variance.push(of_photo);
         }
-        let spread = registration.lens.as_ref().map(|lens| Spread::new(registration, lens));
+        let spread = registration.lens.as_ref().map(|lens| PixelSpread::new(registration, lens));
         let before = patterns.iter().map(|x| unspread(x, spread.as_ref())).collect();
         let slopes = patterns.iter().map(|x| slope(x, registration.projector)).collect();
         Ok(Self { before, slopes, map_error, photos, variance })
@@ -154,7 +154,7 @@ impl Photos {
 }
 
 /// Solves `Sᵀ w = x` for a smooth `x`, by two steps of fixed-point iteration.
-fn unspread(x: &[f64], spread: Option<&Spread>) -> Vec<f64> {
+fn unspread(x: &[f64], spread: Option<&PixelSpread>) -> Vec<f64> {
     let Some(spread) = spread else { return x.to_vec() };
     let mut w = x.to_vec();
     for _ in 0..2 {

@@ -90,6 +90,25 @@ impl Normal {
     }
 }
 
+/// Equations about the parameters of a lens map that have one weight: `slopes · step ≈ residuals`.
+#[derive(Clone, Copy)]
+pub(crate) struct Equations<const N: usize> {
+    pub(crate) residuals: [f64; N],
+    /// The derivatives with respect to the parameters.
+    pub(crate) slopes: [[f64; PARAMETERS]; N],
+    pub(crate) weight: f64,
+}
+
+impl<const N: usize> Equations<N> {
+    /// Adds the equations to those of a Gauss–Newton step.
+    pub(crate) fn add_to(&self, normal: &mut Normal) {
+        if self.weight > 0.0 {
+            let rows = self.slopes.iter().zip(&self.residuals);
+            rows.for_each(|(slopes, &residual)| normal.add_full(slopes, residual, self.weight));
+        }
+    }
+}
+
 /// The ascending sequence that is nearest to `values` in the weighted mean square (pool-adjacent-violators algorithm).
 pub(crate) fn ascending(values: &[f64], weights: &[f64]) -> Vec<f64> {
     let mut pools: Vec<(f64, f64, usize)> = Vec::new();

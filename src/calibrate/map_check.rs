@@ -3,17 +3,15 @@
 //! Random squares are shown, photographed and resampled by the map. The value of projector pixel `x` is then the pattern at `x + d(x)`. The
 //! small displacement `d` is found by comparing the two.
 
-use std::sync::Arc;
-
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::displacement::{Displacement, displacement};
-use super::session::CalibrationSession;
+use super::session::{CalibrationSession, CameraModel};
+use super::structured_light::sum;
 use crate::error::Result;
 use crate::image::{Resolution, percentile};
 use crate::measure::{Calibration, FrameSource};
-use crate::rig::Frame;
 
 /// The side of a square, in pixels. A small field has squares of half this side.
 const SQUARE: usize = 4;
@@ -36,18 +34,22 @@ const DARK: f64 = 0.1;
 /// [`crate::Error::Numerical`] when the photos do not show the pattern.
 pub fn map_check(frames: &mut dyn FrameSource, known: &Calibration, exposure: f64) -> Result<Displacement> {
     let mut session = CalibrationSession::new(frames);
-    let size = known.registration.projector;
-    let [black, white] = [session.filled(0), session.filled(session.top())];
-    let black = resampled(&mut session, known, &black, exposure)?;
-    let white = resampled(&mut session, known, &white, exposure)?;
+    let (model, map) = (CameraModel::of(&known.camera, exposure, 1), &known.registration);
+    let size = map.projector;
+    // The photo at each projector pixel, in linear DN summed over all channels. It is 0 where no camera pixel sees it.
+    let mut photo = |lit: &dyn Fn(usize, usize) -> bool| -> Result<Vec<f64>> {
+        let light = sum(&mut session, &model, lit)?;
+        let row = |pixel: usize| map.row(pixel).map(|(camera, weight)| weight * light[camera]).sum();
+        Ok((0..size.pixels()).map(row).collect())
+    };
+    let (black, white) = (photo(&|_, _| false)?, photo(&|_, _| true)?);
     let white: Vec<f64> = white.iter().zip(&black).map(|(white, black)| white - black).collect();
     let bright = percentile(white.iter().copied().filter(|&light| light > 0.0), 0.5);
     let used: Vec<bool> = white.iter().map(|&light| light > DARK * bright && bright > 0.0).collect();
     let mut pairs = Vec::new();
     for number in 0..PIXELS.div_ceil(size.pixels()).clamp(1, PATTERNS) {
         let squares = squares(size, number as u64);
-        let frame = session.drawn(|x, y| squares[y * size.width + x] > 0.0)?;
-        let photo = resampled(&mut session, known, &frame, exposure)?;
+        let photo = photo(&|x, y| squares[y * size.width + x] > 0.0)?;
         let contrast = |pixel: usize| match used[pixel] {
             true => 2.0 * (photo[pixel] - black[pixel]) / white[pixel] - 1.0,
             false => 0.0,
@@ -68,27 +70,6 @@ fn squares(size: Resolution, seed: u64) -> Vec<f64> {
         .collect();
     let square = |pixel: usize| pixel / size.width / side * across + pixel % size.width / side;
     (0..size.pixels()).map(|pixel| of[square(pixel)]).collect()
-}
-
-/// The photo of a frame at each projector pixel, in linear DN summed over all channels. It is 0 where no camera pixel sees it.
-fn resampled(
-    session: &mut CalibrationSession<'_>,
-    known: &Calibration,
-    frame: &Arc<Frame>,
-    exposure: f64,
-) -> Result<Vec<f64>> {
-    let channels = session.camera().channels;
-    let raw = session.capture(frame, exposure)?;
-    let (black, curve) = (known.camera.black, known.camera.curve.as_deref());
-    let linear = |count: u16| {
-        curve.and_then(|curve| curve.get(usize::from(count)).copied()).unwrap_or(f64::from(count) - black)
-    };
-    let light: Vec<f64> =
-        raw.counts.chunks_exact(channels).map(|pixel| pixel.iter().map(|&c| linear(c)).sum()).collect();
-    let map = &known.registration;
-    Ok((0..map.projector.pixels())
-        .map(|pixel| map.row(pixel).map(|(camera, weight)| weight * light[camera]).sum())
-        .collect())
 }
 
 #[cfg(test)]

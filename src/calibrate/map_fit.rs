@@ -3,7 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::least_squares::{Clusters, Normal, form};
+use super::least_squares::{Clusters, Equations, Normal, form};
 use crate::error::{Error, Result};
 use crate::image::{Resolution, percentile};
 use crate::measure::lens_map::{LensMap, Match, PARAMETERS, evaluate, half_diagonal, normalized};
@@ -117,17 +117,16 @@ pub(crate) fn weight(distance: f64, limit: f64) -> f64 {
     (1.0 - (distance / limit).powi(2)).max(0.0).powi(2)
 }
 
-/// The normal equations of a Gauss–Newton step. Weights are 0 at distances of at least `limit`.
+/// The equations of a correspondence, one for each axis. The weight is 0 at distances of at least `limit`.
+fn equations(&(camera, projector): &Point, parameters: &[f64; PARAMETERS], limit: f64) -> Equations<2> {
+    let (at, slopes) = evaluate(parameters, camera);
+    let residuals = [projector[0] - at[0], projector[1] - at[1]];
+    Equations { residuals, slopes, weight: weight(residuals[0].hypot(residuals[1]), limit) }
+}
+
 fn normal_equations(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64) -> Normal {
     let mut normal = Normal::new(PARAMETERS);
-    for &(camera, projector) in points {
-        let (at, slopes) = evaluate(parameters, camera);
-        let miss = [projector[0] - at[0], projector[1] - at[1]];
-        let weight = weight(miss[0].hypot(miss[1]), limit);
-        if weight > 0.0 {
-            (0..2).for_each(|axis| normal.add_full(&slopes[axis], miss[axis], weight));
-        }
-    }
+    points.iter().for_each(|point| equations(point, parameters, limit).add_to(&mut normal));
     normal
 }
 
@@ -151,12 +150,10 @@ fn refine(points: &[Point], mut parameters: [f64; PARAMETERS], limit: f64) -> Re
 fn field_error(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64, rms: f64) -> Result<f64> {
     let inverse = normal_equations(points, parameters, limit).solve()?.covariance;
     let mut clusters = Clusters::default();
-    for &(camera, projector) in points {
-        let (at, slopes) = evaluate(parameters, camera);
-        let miss = [projector[0] - at[0], projector[1] - at[1]];
-        let weight = weight(miss[0].hypot(miss[1]), limit);
+    for point in points {
+        let Equations { residuals, slopes, weight } = equations(point, parameters, limit);
         for axis in [0, 1] {
-            clusters.add((axis, projector[axis].to_bits()), &slopes[axis], weight * miss[axis]);
+            clusters.add((axis, point.1[axis].to_bits()), &slopes[axis], weight * residuals[axis]);
         }
     }
     let robust = clusters.covariance(&inverse);

@@ -40,10 +40,11 @@ pub use structured_light::{Decoded, DecodedPixel, Stripes, StructuredLight};
 use std::ops::ControlFlow;
 
 use ramp::Ramp;
-use session::{CalibrationSession, CameraModel};
+pub(crate) use session::CalibrationSession;
+use session::CameraModel;
 
 use crate::error::{Error, Result};
-use crate::measure::{Calibration, CameraResponse, FlatField, FrameSource, Stability};
+use crate::measure::{Calibration, FlatField, FrameSource, Stability};
 
 /// The options of a calibration.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,14 +94,7 @@ pub fn calibrate(
     session.set_settle(settle);
     step("camera")?;
     let camera = camera::camera(&mut session, &white, exposure)?;
-    let model = CameraModel {
-        linear: camera.linear.clone(),
-        gain: camera.figures.gain.value,
-        read_noise: camera.figures.read_noise.value,
-        limit: camera.limit,
-        exposure,
-        takes: options.takes,
-    };
+    let model = CameraModel::of(&camera.response, exposure, options.takes);
     let most_levels = options.levels.unwrap_or_else(|| ramp::levels_for(settle + exposure));
     let mut ramps: Vec<Ramp> = Vec::new();
     for channel in 0..session.projector().channels {
@@ -116,22 +110,15 @@ pub fn calibrate(
     } else {
         None
     };
-    let whites = ramps.iter().map(|ramp| ramp.whites.as_slice()).collect::<Vec<_>>();
+    let whites = ramps[0].whites.clone();
     let white_error = ramps.iter().map(|ramp| ramp.white_error).fold(0.0, f64::max);
-    let drift_per_hour = ramp::drift_per_hour(whites[0], white_error)?;
-    let watched =
-        whites[0].last().map_or(0.0, |last| last.0) - whites[0].first().map_or(0.0, |first| first.0);
+    let drift_per_hour = ramp::drift_per_hour(&whites, white_error)?;
+    let watched = whites.last().map_or(0.0, |last| last.0) - whites.first().map_or(0.0, |first| first.0);
     let calibration = Calibration {
         projector_info: session.projector().clone(),
         camera_info: session.camera().clone(),
         projector: curves,
-        camera: CameraResponse {
-            black: camera.linear.black,
-            saturation: camera.limit,
-            gain: camera.figures.gain.value,
-            read_noise: camera.figures.read_noise.value,
-            curve: camera.linear.curve.clone(),
-        },
+        camera: camera.response,
         registration,
         flat_field: ratio.as_ref().map(|ratio| FlatField::of_ratio(&ratio.values)).transpose()?,
         stability: Stability { settle, drift_per_hour: drift_per_hour.value },
@@ -142,23 +129,14 @@ pub fn calibrate(
             drift_per_hour,
             watched,
             white_noise: camera.white_noise,
-            whites: whites[0].to_vec(),
+            whites,
             sweep: latency.sweep,
         },
         camera: camera.figures,
-        projector: ramps.iter().map(figures).collect(),
+        projector: ramps.into_iter().map(|ramp| ramp.figures).collect(),
         map,
         evenness: ratio.map(|ratio| ratio.range),
         effort: session.effort(),
     };
     Ok((calibration, report))
-}
-
-fn figures(ramp: &Ramp) -> ProjectorFigures {
-    ProjectorFigures {
-        gamma: ramp.gamma,
-        gamma_residual: ramp.gamma_residual,
-        curve_error: ramp.error,
-        black: ramp.black,
-    }
 }

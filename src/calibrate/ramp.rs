@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
 use super::least_squares::{Normal, ascending};
-use super::report::MeasuredValue;
+use super::report::{MeasuredValue, ProjectorFigures};
 use super::session::{CalibrationSession, CameraModel, Mean};
 use crate::error::{Error, Result};
 
@@ -30,14 +30,8 @@ const LONGER: f64 = 16.0;
 pub(crate) struct Ramp {
     /// The light of each level relative to the brightest level. The light of level 0 is subtracted from both.
     pub(crate) curve: Vec<f64>,
-    /// The largest standard error of the measured levels.
-    pub(crate) error: f64,
-    /// The exponent of `r = (level/top)^γ` that fits best.
-    pub(crate) gamma: MeasuredValue,
-    /// The root mean square residual of this fit, as a share of white.
-    pub(crate) gamma_residual: f64,
-    /// The light of level 0, ambient light included, relative to the light of white.
-    pub(crate) black: MeasuredValue,
+    /// The exponent, the errors and the black level.
+    pub(crate) figures: ProjectorFigures,
     /// The light of white over time, relative to the first photos, as (seconds, share).
     pub(crate) whites: Vec<(f64, f64)>,
     /// The relative standard error of each entry of `whites`.
@@ -173,7 +167,8 @@ fn finish(
     }
     let curve = interpolated(&knots, top, gamma.value);
     let error = corrected.iter().map(|point| point.2).fold(0.0, f64::max);
-    Ok(Ramp { curve, error, gamma, gamma_residual, black, whites, white_error })
+    let figures = ProjectorFigures { gamma, gamma_residual, curve_error: error, black };
+    Ok(Ramp { curve, figures, whites, white_error })
 }
 
 /// Interpolates the light of each level from `knots`. The interpolation is linear in `light^(1/γ)`, which is nearly linear in the level.
@@ -323,13 +318,14 @@ mod tests {
         for (found, expected) in ramp.curve.iter().zip([0.0, 0.0625, 0.25, 0.5625, 1.0]) {
             assert!((found - expected).abs() < 1e-12, "{:?}", ramp.curve);
         }
-        assert!((ramp.gamma.value - 2.0).abs() < 1e-9 && ramp.gamma_residual < 1e-9);
-        assert_eq!((ramp.error, ramp.black, ramp.whites, ramp.white_error), (1e-3, black, whites, 2e-4));
+        assert!((ramp.figures.gamma.value - 2.0).abs() < 1e-9 && ramp.figures.gamma_residual < 1e-9);
+        assert_eq!((ramp.figures.curve_error, ramp.figures.black), (1e-3, black));
+        assert_eq!((ramp.whites, ramp.white_error), (whites, 2e-4));
         // No exponent describes these levels.
         let bent = [(4, 1.0, 1e-3, 0.0), (2, 0.5, 2e-3, 0.0)];
         let ramp = finish(4, &bent, vec![(0.0, 1.0)], 0.0, black).expect("it has an exponent");
         assert!(
-            ramp.error == 2e-3 && ramp.curve[4] == 1.0 && (ramp.curve[2] - 0.5).abs() < 1e-12,
+            ramp.figures.curve_error == 2e-3 && ramp.curve[4] == 1.0 && (ramp.curve[2] - 0.5).abs() < 1e-12,
             "{ramp:?}"
         );
     }

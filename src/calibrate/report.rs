@@ -141,96 +141,43 @@ impl fmt::Display for MeasuredValue {
     }
 }
 
-/// The subject of a line and its figures. The subject is empty when the line continues the one before.
-type Line = [String; 2];
-
 impl CalibrationReport {
     /// The report as lines of text. Each line has a subject and its figures. The subject is empty when the line continues the one before.
     pub fn lines(&self) -> Vec<[String; 2]> {
-        let mut lines = camera_lines(&self.camera);
-        lines.extend(self.projector.iter().enumerate().map(projector_line));
-        lines.extend(map_lines(&self.map));
-        if let Some(evenness) = &self.evenness {
-            lines.push(line(
-                "evenness",
-                format!("projector over camera: the least is {evenness} of the largest, by the symmetry of the light transport"),
-            ));
-        }
-        lines.extend(stability_lines(&self.stability));
-        lines.push(effort_line(&self.effort));
-        lines
-    }
-}
-
-fn line(about: &str, text: String) -> Line {
-    [about.to_owned(), text]
-}
-
-fn percent(share: f64) -> f64 {
-    100.0 * share
-}
-
-fn camera_lines(camera: &CameraFigures) -> Vec<Line> {
-    let well = if camera.plateau_reached { "" } else { " at least: it was never full" };
-    let response = if camera.linear { "linear" } else { "not linear, and corrected" };
-    vec![
-        line("camera", format!("black level {} DN, read noise {} DN", camera.black, camera.read_noise)),
-        line(
-            "",
-            format!("gain {} electrons per DN, full well {} electrons{well}", camera.gain, camera.full_well),
-        ),
-        line(
-            "",
-            format!(
-                "response {response} (it departs from a line by {:.2} % of the range beyond noise)",
-                percent(camera.departure)
-            ),
-        ),
-        line(
-            "",
-            format!(
-                "{} DN/s without a pattern; white fills the range in {} s",
-                camera.dark_rate,
-                decimal(camera.exposure, 4)
-            ),
-        ),
-    ]
-}
-
-fn projector_line((channel, projector): (usize, &ProjectorFigures)) -> Line {
-    let text = format!(
-        "channel {channel}: gamma {}, with a residual of {:.3} % of white; black and ambient {} % of white",
-        projector.gamma,
-        percent(projector.gamma_residual),
-        projector.black.scaled(100.0)
-    );
-    line("projector", text)
-}
-
-fn map_lines(map: &MapFigures) -> Vec<Line> {
-    let by = match map.by {
-        MapBy::GrayCode => "Gray codes",
-        MapBy::Checkerboard => "a checkerboard",
-    };
-    let kind = if map.lens.is_some() { "homography and lens" } else { "pixel by pixel: no common map fits" };
-    vec![
-        line("pixels", format!("by {by}, {} points, {kind}", map.points)),
-        line(
+        let Self { projector, map, evenness, stability, effort, .. } = self;
+        let mut lines = Vec::from(self.camera.lines());
+        lines.extend(projector.iter().enumerate().map(|(channel, found)| {
+            let (residual, black) = (100.0 * found.gamma_residual, found.black.scaled(100.0));
+            let text = format!(
+                "channel {channel}: gamma {}, with a residual of {residual:.3} % of white; black and ambient {black} % of white",
+                found.gamma
+            );
+            ("projector", text)
+        }));
+        let by = match map.by {
+            MapBy::GrayCode => "Gray codes",
+            MapBy::Checkerboard => "a checkerboard",
+        };
+        let kind =
+            if map.lens.is_some() { "homography and lens" } else { "pixel by pixel: no common map fits" };
+        lines.push(("pixels", format!("by {by}, {} points, {kind}", map.points)));
+        lines.push((
             "",
             format!(
                 "within {:.3} pixels of the projector (points scatter by {:.2}); {:.1} % unreliable, {:.1} % unseen",
                 map.error,
                 map.rms,
-                percent(map.unreliable),
-                percent(map.masked)
+                100.0 * map.unreliable,
+                100.0 * map.masked
             ),
-        ),
-    ]
-}
-
-fn stability_lines(stability: &StabilityFigures) -> Vec<Line> {
-    vec![
-        line(
+        ));
+        lines.extend(evenness.map(|share| {
+            let text = format!(
+                "projector over camera: the least is {share} of the largest, by the symmetry of the light transport"
+            );
+            ("evenness", text)
+        }));
+        lines.push((
             "stability",
             format!(
                 "light settles in {} s; drifts {} % per hour (watched for {:.0} s)",
@@ -238,16 +185,38 @@ fn stability_lines(stability: &StabilityFigures) -> Vec<Line> {
                 stability.drift_per_hour.scaled(100.0),
                 stability.watched
             ),
-        ),
-        line("", format!("noise of one white photo {:.3} % a pixel", percent(stability.white_noise))),
-    ]
+        ));
+        lines.push(("", format!("noise of one white photo {:.3} % a pixel", 100.0 * stability.white_noise)));
+        lines.push(("frames", effort_text(effort)));
+        lines.into_iter().map(|(subject, text)| [subject.to_owned(), text]).collect()
+    }
 }
 
-fn effort_line(effort: &Effort) -> Line {
+fn effort_text(effort: &Effort) -> String {
     let refused = effort.dropped + effort.repeated + effort.late;
-    let text =
-        format!("{} taken, {refused} refused, in {:.0} s of the rig's time", effort.taken, effort.seconds);
-    line("frames", text)
+    format!("{} taken, {refused} refused, in {:.0} s of the rig's time", effort.taken, effort.seconds)
+}
+
+impl CameraFigures {
+    fn lines(&self) -> [(&'static str, String); 4] {
+        let well = if self.plateau_reached { "" } else { " at least: it was never full" };
+        let response = if self.linear { "linear" } else { "not linear, and corrected" };
+        let (departure, exposure) = (100.0 * self.departure, decimal(self.exposure, 4));
+        [
+            ("camera", format!("black level {} DN, read noise {} DN", self.black, self.read_noise)),
+            (
+                "",
+                format!("gain {} electrons per DN, full well {} electrons{well}", self.gain, self.full_well),
+            ),
+            (
+                "",
+                format!(
+                    "response {response} (it departs from a line by {departure:.2} % of the range beyond noise)"
+                ),
+            ),
+            ("", format!("{} DN/s without a pattern; white fills the range in {exposure} s", self.dark_rate)),
+        ]
+    }
 }
 
 #[cfg(test)]
@@ -268,6 +237,6 @@ mod tests {
     fn frames_of_all_three_kinds_are_refused() {
         let effort =
             Effort { taken: 70, dropped: 4, repeated: 2, late: 1, seconds: 12.4, ..Effort::default() };
-        assert_eq!(effort_line(&effort)[1], "70 taken, 7 refused, in 12 s of the rig's time");
+        assert_eq!(effort_text(&effort), "70 taken, 7 refused, in 12 s of the rig's time");
     }
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::report::MeasuredValue;
 use crate::error::Result;
 use crate::image::Resolution;
-use crate::measure::{CaptureRequest, Effort, FrameSource};
+use crate::measure::{CameraResponse, CaptureRequest, Effort, FrameSource};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 
 /// Takes frames. Repeated frames of the same pattern and exposure have successive take numbers, so that none is taken twice. The order of
@@ -185,6 +185,12 @@ pub(crate) struct CameraModel {
 }
 
 impl CameraModel {
+    /// The model of a camera with a known response.
+    pub(crate) fn of(camera: &CameraResponse, exposure: f64, takes: u32) -> Self {
+        let CameraResponse { black, saturation: limit, gain, read_noise, ref curve } = *camera;
+        Self { linear: Linear { black, curve: curve.clone() }, gain, read_noise, limit, exposure, takes }
+    }
+
     /// The variance of the mean of `takes` samples with this light, in linear DN above black.
     pub(crate) fn variance(&self, light: f64, takes: u32) -> f64 {
         (light.max(0.0) / self.gain + self.read_noise.powi(2)) / f64::from(takes)
@@ -216,12 +222,10 @@ pub(crate) fn latency(session: &mut CalibrationSession<'_>, exposure: f64) -> Re
         session.set_settle(CAREFUL);
         session.capture(&black, exposure)?;
         session.set_settle(wait);
-        let raw = session.capture(&white, exposure)?;
-        Ok(raw.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / raw.counts.len() as f64)
+        session.capture(&white, exposure).map(|raw| raw.mean())
     };
     session.set_settle(CAREFUL);
-    let dark = session.mean(&black, exposure, 1)?;
-    let dark = dark.counts.iter().sum::<f64>() / dark.counts.len() as f64;
+    let dark = session.capture(&black, exposure)?.mean();
     let mut fulls = Vec::new();
     for _ in 0..4 {
         fulls.push(step(session, CAREFUL)?);

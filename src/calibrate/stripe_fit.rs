@@ -13,7 +13,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use super::least_squares::{Clusters, Normal, form};
+use super::least_squares::{Clusters, Equations, Normal, form};
 use super::map_fit::{Fit, weight};
 use super::structured_light::{Decoded, SIGMAS, gray_bit};
 use crate::error::Result;
@@ -42,20 +42,22 @@ const LIMIT: f64 = 5.0;
 /// The largest number of stripe kinds that are used: the two finest of each axis.
 const PLANES: usize = 4;
 
-/// The equations of one camera pixel, one for each kind of stripes.
-struct Equations {
-    residuals: [f64; PLANES],
-    /// The derivatives with respect to the map's parameters.
-    slopes: [[f64; PARAMETERS]; PLANES],
-    weight: f64,
+/// A camera pixel with one equation for each kind of stripes.
+struct EdgePixel {
+    equations: Equations<PLANES>,
     /// The projector's column and row.
     near: [u64; 2],
 }
 
-impl Equations {
+impl EdgePixel {
     /// The size of the residuals in units of the expected noise.
     fn misfit(&self) -> f64 {
-        (self.weight * self.residuals.iter().map(|r| r * r).sum::<f64>()).sqrt()
+        (self.equations.weight * self.equations.residuals.iter().map(|r| r * r).sum::<f64>()).sqrt()
+    }
+
+    /// The equations with a weight that is 0 for a misfit of at least `limit`.
+    fn robust(&self, limit: f64) -> Equations<PLANES> {
+        Equations { weight: self.equations.weight * weight(self.misfit(), limit), ..self.equations }
     }
 }
 
@@ -86,12 +88,12 @@ fn chosen(decoded: &Decoded) -> Vec<usize> {
     all.into_iter().filter(|_| share >= 1.0 || random.random::<f64>() < share).collect()
 }
 
-fn equations(map: &LensMap, decoded: &Decoded, pixels: &[usize]) -> Vec<Equations> {
+fn equations(map: &LensMap, decoded: &Decoded, pixels: &[usize]) -> Vec<EdgePixel> {
     pixels.par_iter().filter_map(|&pixel| of_pixel(map, decoded, pixel)).collect()
 }
 
 /// The equations of one camera pixel. It is `None` when the pixel sees no edge, or when its direct light is unknown.
-fn of_pixel(map: &LensMap, decoded: &Decoded, pixel: usize) -> Option<Equations> {
+fn of_pixel(map: &LensMap, decoded: &Decoded, pixel: usize) -> Option<EdgePixel> {
     let seen = corners(map, pixel);
     let stripes = |right: f64, down: f64| {
         mean_stripes(seen.map(|[x, y]| [x + right, y + down]), map.projector, decoded)
@@ -120,10 +122,13 @@ fn of_pixel(map: &LensMap, decoded: &Decoded, pixel: usize) -> Option<Equations>
     let (_, of_map) = evaluate(&map.parameters(), normalized(centre(pixel, map.camera), map.camera));
     let slope = |plane: usize, i: usize| unit * (right[plane] * of_map[0][i] + down[plane] * of_map[1][i]);
     let noise = (decoded.noise[pixel] / direct).hypot(MODEL);
-    Some(Equations {
+    let equations = Equations {
         residuals: std::array::from_fn(|plane| light[plane] / direct - expected[plane]),
         slopes: std::array::from_fn(|plane| std::array::from_fn(|i| slope(plane, i))),
         weight: 1.0 / (noise * noise),
+    };
+    Some(EdgePixel {
+        equations,
         near: map.to_projector(centre(pixel, map.camera)).map(|at| at.max(0.0) as u64),
     })
 }
@@ -140,35 +145,29 @@ fn mean_stripes(seen: [[f64; 2]; 4], projector: Resolution, decoded: &Decoded) -
     mean.map(|sum| sum / whole)
 }
 
-fn normal_equations(equations: &[Equations]) -> Normal {
+fn normal_equations(equations: &[EdgePixel]) -> Normal {
     let limit = limit(equations);
     let mut normal = Normal::new(PARAMETERS);
-    for pixel in equations {
-        let weight = pixel.weight * weight(pixel.misfit(), limit);
-        if weight > 0.0 {
-            let rows = pixel.slopes.iter().zip(&pixel.residuals);
-            rows.for_each(|(slopes, &residual)| normal.add_full(slopes, residual, weight));
-        }
-    }
+    equations.iter().for_each(|pixel| pixel.robust(limit).add_to(&mut normal));
     normal
 }
 
 /// A camera pixel is left out when its misfit is at least this.
-fn limit(equations: &[Equations]) -> f64 {
-    LIMIT * percentile(equations.iter().map(Equations::misfit), 0.5).max(f64::MIN_POSITIVE)
+fn limit(equations: &[EdgePixel]) -> f64 {
+    LIMIT * percentile(equations.iter().map(EdgePixel::misfit), 0.5).max(f64::MIN_POSITIVE)
 }
 
 /// The standard error of the map, root mean square over the camera pixels, in projector pixels. Light that one surface sends to another
 /// misleads all camera pixels along an edge alike. Residuals are therefore summed per row and column before they are squared
 /// (cluster-robust covariance).
-fn field_error(map: &LensMap, equations: &[Equations], pixels: &[usize]) -> Result<f64> {
+fn field_error(map: &LensMap, equations: &[EdgePixel], pixels: &[usize]) -> Result<f64> {
     let limit = limit(equations);
     let inverse = normal_equations(equations).solve()?.covariance;
     let mut clusters = Clusters::default();
     for pixel in equations {
-        let weight = pixel.weight * weight(pixel.misfit(), limit);
+        let Equations { residuals, slopes, weight } = pixel.robust(limit);
         for axis in [0, 1] {
-            for (slopes, residual) in pixel.slopes.iter().zip(&pixel.residuals) {
+            for (slopes, residual) in slopes.iter().zip(&residuals) {
                 clusters.add((axis, pixel.near[axis]), slopes, weight * residual);
             }
         }
@@ -283,9 +282,15 @@ mod tests {
                 };
                 let (Some(more), Some(less)) = (moved(step), moved(-step)) else { continue };
                 for plane in 0..PLANES {
-                    let derivative = (more.residuals[plane] - less.residuals[plane]) / (2.0 * step);
-                    let slope = here.slopes[plane][parameter];
-                    let size = here.slopes.iter().map(|slopes| slopes[parameter].abs()).fold(1.0, f64::max);
+                    let derivative =
+                        (more.equations.residuals[plane] - less.equations.residuals[plane]) / (2.0 * step);
+                    let slope = here.equations.slopes[plane][parameter];
+                    let size = here
+                        .equations
+                        .slopes
+                        .iter()
+                        .map(|slopes| slopes[parameter].abs())
+                        .fold(1.0, f64::max);
                     compared += 1;
                     agree += usize::from((derivative + slope).abs() < 0.05 * size);
                 }

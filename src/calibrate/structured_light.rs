@@ -42,10 +42,7 @@ impl<'a> StructuredLight<'a> {
             None => fill(&mut session, &white)?,
         };
         if let Some(known) = known {
-            let linear = Linear { black: known.black, curve: known.curve.clone() };
-            let CameraResponse { saturation: limit, gain, read_noise, .. } = *known;
-            let model = CameraModel { linear, gain, read_noise, limit, exposure, takes: 1 };
-            return Ok(Self { session, model });
+            return Ok(Self { session, model: CameraModel::of(known, exposure, 1) });
         }
         let shortest = session.camera().exposures[0];
         let black = session.filled(0);
@@ -57,7 +54,7 @@ impl<'a> StructuredLight<'a> {
                 pairs.push([session.capture(frame, exposure)?, session.capture(frame, exposure)?]);
             }
         }
-        let dark = percentile(pairs[0][0].counts.iter().map(|&count| count.into()), 0.5);
+        let dark = pairs[0][0].percentile(0.5);
         let linear = Linear { black: dark, curve: None };
         let noise = transfer(&pairs, &linear, limit)?;
         let (gain, read_noise) = (noise.gain.value, noise.read_noise.value);

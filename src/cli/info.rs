@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::console::Console;
 use super::options::ViewArgs;
-use super::{Outcome, rig_info};
+use super::Outcome;
 use crate::error::{Error, Result};
 use crate::finding::decimal;
 use crate::image::Resolution;
@@ -21,6 +21,7 @@ use crate::lab::{self, SourceKind};
 use crate::measure::RigFile;
 use crate::render;
 use crate::scene::{self, Camera, LoadOptions, Scene};
+use crate::verbs::rig::about;
 
 /// Show the graphics adapters and their limits, and what is in a scene or a rig file
 #[derive(clap::Args)]
@@ -49,12 +50,12 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut scene = None;
     let mut rig = None;
     match &args.source {
-        Some(path) if SourceKind::of(path) == SourceKind::Rig => rig = Some(RigFile::load(path)?),
+        Some(path) if SourceKind::of(path) == SourceKind::Rig => rig = Some(about(&RigFile::load(path)?)),
         Some(path) => scene = Some(load(path, &args.view, console)?),
         None => {}
     }
     if let Some(rig) = &rig {
-        rig_info::say(rig, console)?;
+        rig.lines.iter().try_for_each(|line| console.say(line))?;
     }
     if let Some(scene) = &scene {
         say_scene(scene, console)?;
@@ -91,7 +92,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         "processes": placements,
         "adapters": adapters,
         "scene": scene.as_ref().map(describe),
-        "rig": rig.as_ref().map(rig_info::describe),
+        "rig": rig,
     }))?;
     // A rig may do without.
     if adapters.is_empty() && rig.is_none() {

@@ -22,7 +22,6 @@ mod probe;
 mod progress;
 mod reproduce;
 mod rig;
-mod rig_info;
 mod runs;
 mod solve;
 mod team;

@@ -19,7 +19,6 @@ use crate::lab::{
 use crate::paint::Canvas;
 use crate::paint::page::Kept;
 use crate::report::content::Content;
-use crate::transport::Channels;
 
 /// The options that open a source.
 pub(super) struct Opening<'a> {
@@ -206,14 +205,6 @@ pub(super) fn finish(
 pub(super) fn merge(summary: &mut Value, more: Value) {
     if let (Some(fields), Value::Object(more)) = (summary.as_object_mut(), more) {
         fields.extend(more);
-    }
-}
-
-/// The names of the files of each channel beside the matrix's or image's own.
-pub(super) fn channel_suffixes(channels: Channels) -> &'static [&'static str] {
-    match channels {
-        Channels::Luma => &[""],
-        Channels::Rgb => &[".r", ".g", ".b"],
     }
 }
 

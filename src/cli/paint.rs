@@ -19,7 +19,7 @@ use crate::error::Result;
 use crate::io::atomic;
 use crate::lab::{Lab, byte_count};
 use crate::paint::page::{EmbedOptions, Kept, Precision};
-use crate::paint::{Canvas, Ended, Light, Question, ServeOptions, Session, serve};
+use crate::paint::{Canvas, Ended, Light, PageQuestion, ServeOptions, Session, serve};
 
 /// Paint patterns in a browser, and see the photo while the pen moves
 ///
@@ -117,9 +117,10 @@ fn write_page(args: &EmbedArgs, file: &Path, canvas: &mut Canvas<'_>, console: &
 /// What the file shows without asking.
 fn kept(args: &EmbedArgs, canvas: &mut Canvas<'_>) -> Result<Kept> {
     let light = if canvas.lights().contains(&Light::Global) { Light::Global } else { Light::All };
-    let groups = (!args.groups.is_empty()).then(|| Question::Groups { groups: args.groups.clone() });
-    let eigenvectors = args.eigenvectors.map(|count| Question::Eigenvectors { light, count });
-    let mut ask = |question: Option<Question>| question.map(|question| canvas.answer(&question)).transpose();
+    let groups = (!args.groups.is_empty()).then(|| PageQuestion::Groups { groups: args.groups.clone() });
+    let eigenvectors = args.eigenvectors.map(|count| PageQuestion::Eigenvectors { light, count });
+    let mut ask =
+        |question: Option<PageQuestion>| question.map(|question| canvas.answer(&question)).transpose();
     Ok(Kept { groups: ask(groups)?, eigenvectors: ask(eigenvectors)? })
 }
 

@@ -13,20 +13,20 @@ pub(super) mod unix {
     use super::super::spot::{Access, FileKind};
 
     /// An open folder; `None` is the current one.
-    pub(in crate::file) struct Folder(Option<OwnedFd>);
+    pub struct Folder(Option<OwnedFd>);
 
     const FOLDER: OFlags = OFlags::DIRECTORY.union(OFlags::CLOEXEC);
 
     impl Folder {
-        pub(in crate::file) fn current() -> Self {
+        pub fn current() -> Self {
             Self(None)
         }
 
-        pub(in crate::file) fn open(path: &Path) -> io::Result<Self> {
+        pub fn open(path: &Path) -> io::Result<Self> {
             Ok(Self(Some(openat(CWD, path, FOLDER, Mode::empty())?)))
         }
 
-        pub(in crate::file) fn enter(&self, name: &Path) -> io::Result<Self> {
+        pub fn enter(&self, name: &Path) -> io::Result<Self> {
             match openat(self.at(), name, FOLDER | OFlags::NOFOLLOW, Mode::empty()) {
                 Ok(folder) => Ok(Self(Some(folder))),
                 Err(error) => {
@@ -40,11 +40,11 @@ pub(super) mod unix {
             }
         }
 
-        pub(in crate::file) fn make(&self, name: &Path) -> io::Result<()> {
+        pub fn make(&self, name: &Path) -> io::Result<()> {
             Ok(mkdirat(self.at(), name, Mode::from_raw_mode(0o777))?)
         }
 
-        pub(in crate::file) fn kind(&self, name: &Path, follow: bool) -> io::Result<FileKind> {
+        pub fn kind(&self, name: &Path, follow: bool) -> io::Result<FileKind> {
             let flags = if follow { AtFlags::empty() } else { AtFlags::SYMLINK_NOFOLLOW };
             Ok(match FileType::from_raw_mode(statat(self.at(), name, flags)?.st_mode) {
                 FileType::RegularFile => FileKind::File,
@@ -55,12 +55,7 @@ pub(super) mod unix {
         }
 
         /// Opens a file without waiting, even if a pipe has taken its place.
-        pub(in crate::file) fn open_file(
-            &self,
-            name: &Path,
-            access: Access,
-            follow: bool,
-        ) -> io::Result<File> {
+        pub fn open_file(&self, name: &Path, access: Access, follow: bool) -> io::Result<File> {
             let how = match access {
                 Access::Read => OFlags::RDONLY,
                 Access::Change => OFlags::RDWR,
@@ -72,11 +67,11 @@ pub(super) mod unix {
             Ok(openat(self.at(), name, flags, Mode::from_raw_mode(0o666))?.into())
         }
 
-        pub(in crate::file) fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        pub fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
             Ok(renameat(self.at(), from, self.at(), to)?)
         }
 
-        pub(in crate::file) fn remove_file(&self, name: &Path) -> io::Result<()> {
+        pub fn remove_file(&self, name: &Path) -> io::Result<()> {
             Ok(unlinkat(self.at(), name, AtFlags::empty())?)
         }
 
@@ -97,41 +92,36 @@ pub(super) mod any_system {
     use super::super::spot::{Access, FileKind};
 
     #[cfg_attr(unix, allow(dead_code, reason = "on Unix only the tests use it"))]
-    pub(in crate::file) struct Folder(PathBuf);
+    pub struct Folder(PathBuf);
 
     #[cfg_attr(unix, allow(dead_code, reason = "on Unix only the tests use it"))]
     impl Folder {
-        pub(in crate::file) fn current() -> Self {
+        pub fn current() -> Self {
             Self(PathBuf::new())
         }
 
-        pub(in crate::file) fn open(path: &Path) -> io::Result<Self> {
+        pub fn open(path: &Path) -> io::Result<Self> {
             fs::metadata(path).map(|_| Self(path.to_path_buf()))
         }
 
-        pub(in crate::file) fn enter(&self, name: &Path) -> io::Result<Self> {
+        pub fn enter(&self, name: &Path) -> io::Result<Self> {
             match self.kind(name, false)? {
                 FileKind::Folder => Ok(Self(self.0.join(name))),
                 kind => Err(super::super::no_folder(name, kind)),
             }
         }
 
-        pub(in crate::file) fn make(&self, name: &Path) -> io::Result<()> {
+        pub fn make(&self, name: &Path) -> io::Result<()> {
             fs::create_dir(self.0.join(name))
         }
 
-        pub(in crate::file) fn kind(&self, name: &Path, follow: bool) -> io::Result<FileKind> {
+        pub fn kind(&self, name: &Path, follow: bool) -> io::Result<FileKind> {
             let path = self.0.join(name);
             let about = if follow { fs::metadata(path) } else { fs::symlink_metadata(path) };
             Ok(FileKind::of(about?.file_type()))
         }
 
-        pub(in crate::file) fn open_file(
-            &self,
-            name: &Path,
-            access: Access,
-            follow: bool,
-        ) -> io::Result<File> {
+        pub fn open_file(&self, name: &Path, access: Access, follow: bool) -> io::Result<File> {
             let mut options = OpenOptions::new();
             options.read(true).write(access != Access::Read).create(access == Access::Make);
             options.create_new(access == Access::New);
@@ -141,11 +131,11 @@ pub(super) mod any_system {
             options.open(self.0.join(name))
         }
 
-        pub(in crate::file) fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        pub fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
             fs::rename(self.0.join(from), self.0.join(to))
         }
 
-        pub(in crate::file) fn remove_file(&self, name: &Path) -> io::Result<()> {
+        pub fn remove_file(&self, name: &Path) -> io::Result<()> {
             fs::remove_file(self.0.join(name))
         }
     }

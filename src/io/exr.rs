@@ -37,22 +37,21 @@ pub fn write_exr(path: &Path, layers: &[(&str, &Image)]) -> Result<()> {
 
 /// The bytes of a file with these layers. The outer error is about the layers, the inner error about the encoder.
 fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::exr::error::Error>> {
-    let mismatch = |what, expected: String, found: String| Err(Error::dimension(what, expected, found));
     let Some(resolution) = layers.first().map(|(_, image)| image.resolution()).filter(|r| r.pixels() > 0)
     else {
-        return mismatch("layers of an EXR file", "one or more with pixels".into(), "none".into());
+        return Err(Error::dimension("layers of an EXR file", "one or more with pixels", "none"));
     };
     let mut channels: Vec<AnyChannel<FlatSamples>> = Vec::new();
     for &(name, image) in layers {
         if image.resolution() != resolution {
-            return mismatch("layers of an EXR file", resolution.to_string(), image.resolution().to_string());
+            return Err(Error::dimension("layers of an EXR file", resolution, image.resolution()));
         }
         for (channel, &suffix) in suffixes(image.channels()).iter().enumerate() {
             let full = if name.is_empty() { suffix.to_string() } else { format!("{name}.{suffix}") };
             let text = Text::new_or_none(&full)
                 .filter(|text| full.is_ascii() && !channels.iter().any(|c| c.name == *text));
             let Some(text) = text else {
-                return mismatch("channel names of an EXR file", "ASCII, each once".into(), full);
+                return Err(Error::dimension("channel names of an EXR file", "ASCII, each once", full));
             };
             let samples = image.samples().iter().skip(channel).step_by(image.channels()).copied().collect();
             channels.push(AnyChannel::new(text, FlatSamples::F32(samples)));

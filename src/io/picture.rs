@@ -9,7 +9,7 @@ use crate::image::codec::Format;
 use crate::image::{Image, Resolution};
 use crate::{file, machine};
 
-enum Kind {
+enum PictureFormat {
     Npy,
     Exr,
     Png,
@@ -23,9 +23,9 @@ enum Kind {
 /// [`Error::Read`]; [`Error::Data`] when the extension is unknown, the file is malformed, or a value is NaN or infinite.
 pub fn read(path: &Path) -> Result<Image> {
     let image = match kind(path) {
-        Some(Kind::Npy) => npy::read_image(path)?,
-        Some(Kind::Exr) => exr::read_exr(path, None)?,
-        Some(Kind::Png | Kind::Jpeg) => read_png(path)?,
+        Some(PictureFormat::Npy) => npy::read_image(path)?,
+        Some(PictureFormat::Exr) => exr::read_exr(path, None)?,
+        Some(PictureFormat::Png | PictureFormat::Jpeg) => read_png(path)?,
         None => return Err(unknown(path)),
     };
     require_finite(path, &image)?;
@@ -56,9 +56,9 @@ pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Imag
 /// The sizes of the images in a file, as its header states them. The list is empty for `.npy` files, which are as long as their arrays.
 pub fn stated_sizes(path: &Path) -> Result<Vec<Resolution>> {
     match kind(path) {
-        Some(Kind::Png | Kind::Jpeg) => Ok(vec![size(path)?]),
-        Some(Kind::Exr) => exr::sizes(path),
-        Some(Kind::Npy) => Ok(Vec::new()),
+        Some(PictureFormat::Png | PictureFormat::Jpeg) => Ok(vec![size(path)?]),
+        Some(PictureFormat::Exr) => exr::sizes(path),
+        Some(PictureFormat::Npy) => Ok(Vec::new()),
         None => Err(unknown(path)),
     }
 }
@@ -70,18 +70,18 @@ pub fn stated_sizes(path: &Path) -> Result<Vec<Resolution>> {
 /// [`Error::Data`] when the file has another extension; [`Error::Write`].
 pub fn write(path: &Path, image: &Image) -> Result<()> {
     match kind(path) {
-        Some(Kind::Npy) => npy::write_image(path, image),
-        Some(Kind::Exr) => exr::write_exr(path, &[("", image)]),
-        Some(Kind::Png) => raster::develop(image, raster::exposure(image)).write_png(path),
-        Some(Kind::Jpeg) | None => Err(unknown(path)),
+        Some(PictureFormat::Npy) => npy::write_image(path, image),
+        Some(PictureFormat::Exr) => exr::write_exr(path, &[("", image)]),
+        Some(PictureFormat::Png) => raster::develop(image, raster::exposure(image)).write_png(path),
+        Some(PictureFormat::Jpeg) | None => Err(unknown(path)),
     }
 }
 
 /// Checks that [`write()`] could write `path`: its extension is known, and its folder exists and is writable.
 pub fn check_writable(path: &Path) -> Result<()> {
     match kind(path) {
-        Some(Kind::Npy | Kind::Exr | Kind::Png) => atomic::check_writable(path),
-        Some(Kind::Jpeg) | None => Err(unknown(path)),
+        Some(PictureFormat::Npy | PictureFormat::Exr | PictureFormat::Png) => atomic::check_writable(path),
+        Some(PictureFormat::Jpeg) | None => Err(unknown(path)),
     }
 }
 
@@ -99,12 +99,12 @@ pub fn require_finite(path: &Path, image: &Image) -> Result<()> {
         .help("replace NaN and infinite values by finite ones"))
 }
 
-fn kind(path: &Path) -> Option<Kind> {
+fn kind(path: &Path) -> Option<PictureFormat> {
     match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
-        "npy" => Some(Kind::Npy),
-        "exr" => Some(Kind::Exr),
-        "png" => Some(Kind::Png),
-        "jpg" | "jpeg" => Some(Kind::Jpeg),
+        "npy" => Some(PictureFormat::Npy),
+        "exr" => Some(PictureFormat::Exr),
+        "png" => Some(PictureFormat::Png),
+        "jpg" | "jpeg" => Some(PictureFormat::Jpeg),
         _ => None,
     }
 }

@@ -175,18 +175,13 @@ const CHUNK: usize = 4096;
 
 /// `wᵢ ← f(wᵢ, aᵢ)`.
 pub(super) fn update(w: &mut [f64], a: &[f64], f: impl Fn(f64, f64) -> f64 + Sync) {
-    debug_assert_eq!(w.len(), a.len());
-    in_blocks(w, a, &|w, a| {
-        for (w, &a) in w.iter_mut().zip(a) {
-            *w = f(*w, a);
-        }
-    });
+    update2(w, a, a, |w, a, _| f(w, a));
 }
 
 /// `wᵢ ← f(wᵢ, aᵢ, bᵢ)`.
 pub(super) fn update2(w: &mut [f64], a: &[f64], b: &[f64], f: impl Fn(f64, f64, f64) -> f64 + Sync) {
     debug_assert!(w.len() == a.len() && w.len() == b.len());
-    in_blocks2(w, a, b, &|w, a, b| {
+    in_blocks(w, a, b, &|w, a, b| {
         for ((w, &a), &b) in w.iter_mut().zip(a).zip(b) {
             *w = f(*w, a, b);
         }
@@ -196,19 +191,9 @@ pub(super) fn update2(w: &mut [f64], a: &[f64], b: &[f64], f: impl Fn(f64, f64, 
 // The loops over entries are compiled for every `f`, the distribution over threads only once. That is by far the larger part of the code,
 // and one indirect call per block has no measurable cost.
 
-type Update<'a> = dyn Fn(&mut [f64], &[f64]) + Sync + 'a;
+type Update<'a> = dyn Fn(&mut [f64], &[f64], &[f64]) + Sync + 'a;
 
-type Update2<'a> = dyn Fn(&mut [f64], &[f64], &[f64]) + Sync + 'a;
-
-fn in_blocks(w: &mut [f64], a: &[f64], block: &Update<'_>) {
-    if w.len() < PARALLEL {
-        block(w, a);
-    } else {
-        w.par_chunks_mut(CHUNK).zip(a.par_chunks(CHUNK)).for_each(|(w, a)| block(w, a));
-    }
-}
-
-fn in_blocks2(w: &mut [f64], a: &[f64], b: &[f64], block: &Update2<'_>) {
+fn in_blocks(w: &mut [f64], a: &[f64], b: &[f64], block: &Update<'_>) {
     if w.len() < PARALLEL {
         block(w, a, b);
     } else {
@@ -228,6 +213,11 @@ pub(super) const ENOUGH_LEFT: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// Inner products of at most this share of the norm are rounding errors, so another pass would gain nothing.
 const NEGLIGIBLE: f64 = 8.0 * f64::EPSILON;
+
+/// Returns true if what is left of a vector exceeds the rounding errors of sums of `n` terms of this size.
+pub(super) fn exceeds_rounding(left: f64, size: f64, n: usize) -> bool {
+    left > size * f64::EPSILON * (10.0 + (n as f64).sqrt())
+}
 
 /// The most passes. "Twice is enough" (Giraud, Langou, Rozložník and van den Eshof, doi:10.1007/s00211-005-0615-4) holds for a `w` that is
 /// not in the span to working precision. A vector in the span shrinks to rounding errors, and its norm shows this.

@@ -5,7 +5,10 @@
 //! whether *no value is missed*, and whether the answer is *exact* because all directions were spanned.
 
 use std::fmt;
+use std::ops::ControlFlow;
 
+use super::basis::norm;
+use super::eigen::HistoryRow;
 use super::powers::scaled;
 use crate::error::{Error, Result};
 use crate::observer::{Estimate, Observer, Step};
@@ -197,6 +200,134 @@ pub(super) fn confirming_step(observer: &dyn Observer, done: usize, total: usize
 
 /// The largest useful share: beyond half of the spectrum's spread, a confirmation says nothing.
 pub(super) const MOST: f64 = 0.5;
+
+/// A new pair may use this many times the steps of a confirmation to converge.
+const PATIENCE: usize = 10;
+
+/// A search whose answer further processes confirm, each on the complement of the pairs found so far.
+pub(super) trait Confirmable {
+    type Process;
+    type Pair;
+
+    /// The dimension of the complement.
+    fn free(&self) -> usize;
+    /// The number of steps for which products are left.
+    fn left(&self) -> usize;
+    /// Starts the process of a round of about this many steps.
+    fn begin(&self, round: u64, steps: usize) -> Result<Self::Process>;
+    /// Takes one step, the last of `total`.
+    fn step(&mut self, process: &mut Self::Process, total: usize) -> Result<()>;
+    /// The number of steps, and true if no further step is possible.
+    fn progress(process: &Self::Process) -> (usize, bool);
+    /// The error of the products with unit vectors.
+    fn error(&self, process: Option<&Self::Process>) -> f64;
+    /// The pairs of the process beyond the pairs found, the most wanted first.
+    fn beyond(&self, process: &Self::Process) -> Result<Vec<Self::Pair>>;
+    /// Returns true if more steps would improve one of these pairs.
+    fn is_open(&self, pairs: &[Self::Pair]) -> bool;
+    /// Inserts pairs in their order, and keeps the requested number.
+    fn insert(&mut self, process: &Self::Process, missed: &[Self::Pair]) -> Result<()>;
+    /// The limits of [`Confirmed`], for this share of the spread.
+    fn limits(&self, process: &Self::Process, share: f64) -> Result<[Option<f64>; 2]>;
+}
+
+/// Confirms the `count` pairs of a search. Returns the claim, and true if a pair that was missed has not converged.
+pub(super) fn confirm_by<S: Confirmable>(
+    search: &mut S,
+    confirm: &Confirm,
+    count: usize,
+) -> Result<(Completeness, bool)> {
+    // The claim when products with this error have spanned all directions.
+    let spanned = |error: f64| if error > 0.0 { Completeness::NotExcluded } else { Completeness::Exact };
+    // Each round inserts at least one pair, so the number of rounds is at most the number of copies.
+    for round in 0..4 * count as u64 + 8 {
+        let free = search.free();
+        if free == 0 {
+            return Ok((spanned(search.error(None)), false));
+        }
+        let steps = confirm.steps(free).min(search.left());
+        let share = confirm.share_of(steps, free);
+        if steps < free && share > MOST {
+            break;
+        }
+        let mut process = search.begin(round, steps)?;
+        let has_more = |process: &S::Process, most: usize| {
+            let (done, is_exhausted) = S::progress(process);
+            done < most && !is_exhausted
+        };
+        while has_more(&process, steps) {
+            search.step(&mut process, steps)?;
+        }
+        let mut missed = search.beyond(&process)?;
+        let most = PATIENCE * S::progress(&process).0;
+        while search.is_open(&missed) && search.left() > 0 && has_more(&process, most) {
+            let total = S::progress(&process).0 + 1;
+            search.step(&mut process, total)?;
+            missed = search.beyond(&process)?;
+        }
+        let is_open = search.is_open(&missed);
+        search.insert(&process, &missed)?;
+        if is_open {
+            return Ok((Completeness::NotExcluded, true));
+        }
+        if S::progress(&process).1 {
+            return Ok((spanned(search.error(Some(&process))), false));
+        }
+        if missed.is_empty() {
+            let limits = search.limits(&process, share)?;
+            let ends = limits.iter().flatten().count();
+            let chance = confirm.chance * (round + 1) as f64 * ends as f64;
+            return Ok((Completeness::Confirmed(Confirmed { limits, share, chance }), false));
+        }
+    }
+    Ok((Completeness::NotExcluded, false))
+}
+
+/// The tolerance within which a value of a process may lie beyond a converged one and still be the same. It adds the tolerance, rounding,
+/// noise, and the residuals of the pairs found, which bound their coupling to the complement; `scale` is the norm of the operator. `m`
+/// products whose errors have the norm `e` and are spread evenly over `n` entries change a value by at most about `2e √(m/n)`. They change
+/// the operator that the process sees by about `2e (1 + √(m/n))`: `operator` is 1 for this change, and 0 for a value.
+pub(super) fn slack(
+    (tolerance, scale): (f64, f64),
+    (steps, n): (usize, usize),
+    residuals: &[f64],
+    error: f64,
+    operator: f64,
+) -> f64 {
+    let (steps, n) = (steps as f64, n as f64);
+    let rounding = f64::EPSILON * scale * (10.0 + n.sqrt() + steps);
+    tolerance * scale + rounding + norm(residuals) + 2.0 * error * ((steps / n).sqrt() + operator)
+}
+
+/// The rows of a history, which the observer sees first.
+pub(super) struct Recorder {
+    budget: usize,
+    pub(super) history: Vec<HistoryRow>,
+}
+
+impl Recorder {
+    pub(super) fn new(budget: usize) -> Self {
+        Self { budget, history: Vec::new() }
+    }
+
+    /// Records the values and residuals after a product.
+    pub(super) fn row(
+        &mut self,
+        observer: &dyn Observer,
+        products: usize,
+        pairs: impl Iterator<Item = (f64, f64)>,
+    ) -> ControlFlow<()> {
+        let (values, residuals): (Vec<f64>, Vec<f64>) = pairs.unzip();
+        let flow = observer.step(&Step {
+            stage: "photos",
+            done: products as u64,
+            total: self.budget as u64,
+            estimate: Estimate::Eigenpairs { values: &values, residuals: &residuals },
+        });
+        self.history.push(HistoryRow { products, values, residuals });
+        flow
+    }
+}
 
 /// The claim about eigenvalues (or singular values) that a search may have missed. Displays as a sentence without its full stop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]

@@ -14,11 +14,12 @@
 
 use faer::Mat;
 
-use super::basis::{Basis, dot, norm, orthogonalize};
+use super::basis::{Basis, dot, exceeds_rounding, norm, orthogonalize};
+use super::powers::finite_product;
 use super::start::Start;
 use crate::error::{Error, Result};
 use crate::operator;
-use crate::operator::{Adjoint, Operator, block, block_mut};
+use crate::operator::{Adjoint, Operator, block, block_mut, check_square};
 
 /// A mean of independent random estimates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,9 +80,8 @@ fn at_least(value: usize, least: usize, option: &str) -> Result<()> {
 }
 
 fn square(operator: &dyn Operator) -> Result<usize> {
-    let (rows, n) = (operator.rows(), operator.cols());
-    Error::check_size("the operator of an estimator", format!("{n}x{n}"), format!("{rows}x{n}"))?;
-    Ok(n)
+    check_square("the operator of an estimator", operator.cols(), operator)?;
+    Ok(operator.cols())
 }
 
 /// `count` vectors of `n` random signs.
@@ -96,7 +96,8 @@ fn each_product(
     mut with: impl FnMut(&[f64], Vec<f64>),
 ) -> Result<()> {
     operator::each_product(operator, xs.iter().cloned(), |x, y| {
-        with(x, finite(y)?);
+        finite_product(&y)?;
+        with(x, y);
         Ok(())
     })
 }
@@ -110,23 +111,13 @@ fn products_with(operator: &mut dyn Operator, xs: &[Vec<f64>]) -> Result<Vec<Vec
 
 /// `Aᵀ y` for each of `ys`, checked for NaN.
 fn adjoint_products(operator: &mut dyn Adjoint, ys: &[Vec<f64>]) -> Result<Vec<Vec<f64>>> {
-    let (cols, size) = (operator.cols(), operator.block_size().max(1));
-    let mut xs = Vec::with_capacity(ys.len());
-    for ys in ys.chunks(size) {
-        let mut products = vec![vec![0.0; cols]; ys.len()];
-        operator.apply_adjoint_block(&block(ys), &mut block_mut(&mut products))?;
-        for x in products {
-            xs.push(finite(x)?);
-        }
+    let size = operator.block_size().max(1);
+    let mut xs = vec![vec![0.0; operator.cols()]; ys.len()];
+    for (xs, ys) in xs.chunks_mut(size).zip(ys.chunks(size)) {
+        operator.apply_adjoint_block(&block(ys), &mut block_mut(xs))?;
+        xs.iter().try_for_each(|x| finite_product(x).map(|_| ()))?;
     }
     Ok(xs)
-}
-
-fn finite(y: Vec<f64>) -> Result<Vec<f64>> {
-    if norm(&y).is_finite() {
-        return Ok(y);
-    }
-    Err(Error::Numerical("a product with the operator holds a NaN or an infinity".into()))
 }
 
 /// `Q R = Y`: an orthonormal basis of the span, without dependent vectors, and for each vector its
@@ -138,8 +129,7 @@ fn orthonormal(vectors: &[Vec<f64>], rows: usize) -> (Basis, Vec<Vec<f64>>) {
         let length = norm(vector);
         let mut w = vector.clone();
         let mut removed = orthogonalize(&basis, &mut w);
-        // A smaller remainder is rounding error of a sum of `rows` terms.
-        if removed.norm > length * f64::EPSILON * (10.0 + (rows as f64).sqrt()) {
+        if exceeds_rounding(removed.norm, length, rows) {
             basis.push_scaled(&w, removed.norm);
             removed.coefficients.push(removed.norm);
         }

@@ -69,13 +69,13 @@ macro_rules! methods {
         }),*];
 
         /// Makes the state of a method before its first step.
-        fn state(method: Method, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Box<dyn Solver>> {
-            Ok(match method {
+        fn state(method: Method, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
+            match method {
                 $(Method::$method => {
-                    let new: fn(usize, &[f64], &SolveOptions) -> Result<_> = $new;
-                    Box::new(new(cols, b, options)?)
+                    let new: fn(usize, &[f64], &SolveOptions) -> Result<Solver> = $new;
+                    new(cols, b, options)
                 })*
-            })
+            }
         }
     };
 }
@@ -121,7 +121,7 @@ impl Method {
     /// # Errors
     /// The errors of the method's `new`. [`Error::Dimension`] if the method is for square systems and `cols` differs from the length of
     /// `b`.
-    pub fn solver(self, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Box<dyn Solver>> {
+    pub fn solver(self, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
         if !matches!(self, Self::Lsqr | Self::Lsmr) {
             square(b.len(), cols)?;
         }
@@ -136,23 +136,22 @@ impl Method {
 /// # Errors
 /// The errors of [`Method::solver`] and [`solve_from`]. To keep the products taken before an operator failed, make the solver separately
 /// and use [`solve_from`].
-pub fn solve<O: Operator + ?Sized>(
+pub fn solve(
     method: Method,
-    operator: &mut O,
+    operator: &mut dyn Operator,
     b: &[f64],
     options: &SolveOptions,
 ) -> Result<Solution> {
-    let mut operator = operator;
-    solve_adjoint(method, &mut ForwardOnly(&mut operator), b, options)
+    solve_adjoint(method, &mut ForwardOnly(operator), b, options)
 }
 
 /// Solves like [`solve`], for an operator whose transpose can be applied. Fails with the errors of [`solve`].
-pub fn solve_adjoint<O: Adjoint + ?Sized>(
+pub fn solve_adjoint(
     method: Method,
-    operator: &mut O,
+    operator: &mut dyn Adjoint,
     b: &[f64],
     options: &SolveOptions,
 ) -> Result<Solution> {
     let mut solver = method.solver(operator.cols(), b, options)?;
-    solve_from(solver.as_mut(), operator, options)
+    solve_from(&mut solver, operator, options)
 }

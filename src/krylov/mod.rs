@@ -2,8 +2,8 @@
 //!
 //! A product may be a photo, so the cost of a method is its number of products. A method has two parts:
 //!
-//! * A *factorization* ([`Lanczos`], [`BlockLanczos`], [`Arnoldi`]) takes exactly one product per step. It
-//!   can be stopped, inspected, saved and resumed after any step, and a product that fails leaves it
+//! * A *factorization* ([`Factorization`], by a process of Lanczos or Arnoldi) takes exactly one product
+//!   per step. It can be stopped, inspected, saved and resumed after any step, and a product that fails leaves it
 //!   unchanged.
 //! * A *driver* computes eigenpairs from a factorization without any further product
 //!   ([`Factorization::ritz`]). It expands the factorization until the pairs are good enough or the budget is
@@ -12,9 +12,9 @@
 //! | needs `A = Aᵀ` | method | finds | vectors of `n`, for `m` products |
 //! |---|---|---|---|
 //! | no | [`EigsMethod::Power`] | the eigenpair of largest magnitude | 4 |
-//! | yes | [`Lanczos`] | eigenpairs at the ends of the spectrum | `m + 2` |
-//! | yes | [`BlockLanczos`] | the same, with up to `b` copies of each | `m + b + 1` |
-//! | no | [`Arnoldi`] | complex eigenpairs at the rim of the spectrum | `m + 2` |
+//! | yes | [`Factorization::lanczos`] | eigenpairs at the ends of the spectrum | `m + 2` |
+//! | yes | [`Factorization::block_lanczos`] | the same, with up to `b` copies of each | `m + b + 1` |
+//! | no | [`Factorization::arnoldi`] | complex eigenpairs at the rim of the spectrum | `m + 2` |
 //! | no, but `Aᵀ` | [`singular()`] | the largest singular values and their vectors | `m + 2` |
 //!
 //! [`Solver`]s of the same kind solve linear systems, with or without a box around the solution: [`solve`]
@@ -52,10 +52,7 @@ pub use estimators::{
     DiagonalEstimate, Estimate, LowRankOptions, RandomizedSvd, diagonal, hutch_plus_plus, hutchinson,
     randomized_svd,
 };
-pub use factor::{
-    Arnoldi, BlockLanczos, Expansion, Factorization, Filter, Lanczos, PairStatus, RitzPair, Step, Which,
-    temple_kato,
-};
+pub use factor::{Factorization, Filter, PairStatus, ProcessKind, RitzPair, Step, Which, temple_kato};
 pub use linear::{
     Advance, BiCgStab, Cg, Cgs, ForwardOnly, Gmres, Lsmr, Lsqr, Minres, Side, Solution, SolveOptions,
     SolveRow, Solver, Tally, solve_from,

@@ -62,6 +62,15 @@ pub(super) fn finite_norm(what: &str, vector: &[f64]) -> Result<f64> {
     }))
 }
 
+/// The length of a product. Fails with [`Error::Numerical`] if it is not finite.
+pub(super) fn finite_product(product: &[f64]) -> Result<f64> {
+    let length = norm(product);
+    if length.is_finite() {
+        return Ok(length);
+    }
+    Err(Error::Numerical("a product with the operator holds a NaN or an infinity".into()))
+}
+
 /// An operator divided by a power of two, which the first product that is not zero chooses. If this power is not 1, the product ends with
 /// an error, and the caller begins again: quantities in the operator's original unit must be converted.
 pub(super) struct Rescaled<'a, O: ?Sized> {

@@ -25,6 +25,12 @@ pub trait Preconditioner: Send + Sync {
     fn is_positive_definite(&self) -> bool;
 }
 
+impl fmt::Debug for dyn Preconditioner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Preconditioner({:?})", self.size())
+    }
+}
+
 /// `M = diag(d)`: `M⁻¹ r = r / d`, entry by entry.
 ///
 /// With CG and MINRES this is symmetric scaling, `D^-½ A D^-½`. With `d = A 1` (the white photo), the spectrum of a non-negative symmetric
@@ -277,15 +283,6 @@ impl UserPreconditioner {
             operator.apply(r, z)
         };
         Ok(Self { size: Some(rows), positive_definite, apply: Box::new(apply) })
-    }
-}
-
-impl fmt::Debug for UserPreconditioner {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("UserPreconditioner")
-            .field("size", &self.size)
-            .field("positive_definite", &self.positive_definite)
-            .finish_non_exhaustive()
     }
 }
 

@@ -41,12 +41,7 @@ impl Default for Start {
 impl Start {
     /// The vector, of length `n` ([`Start::Given`] keeps the length of its vector).
     pub fn vector(&self, n: usize) -> Vec<f64> {
-        match self {
-            Self::Random { seed } => signed(n, &mut Pcg64::seed_from_u64(*seed)),
-            Self::Rademacher { seed } => rademacher(n, &mut Pcg64::seed_from_u64(*seed)),
-            Self::Gaussian { seed } => gaussian(n, &mut Pcg64::seed_from_u64(*seed)),
-            Self::Given(vector) => vector.clone(),
-        }
+        self.block(n, 1).pop().unwrap_or_default()
     }
 
     /// The seed of a random start; 0 for a given start.

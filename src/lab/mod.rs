@@ -33,7 +33,9 @@ mod layout;
 mod light;
 mod lock;
 mod look;
+mod matrix;
 mod measured;
+mod model;
 mod notes;
 mod observing;
 mod operator;
@@ -42,6 +44,7 @@ mod replaced;
 mod run_model;
 mod saving;
 mod settings;
+mod shards;
 mod source;
 #[cfg(test)]
 mod tests_of_rigs;
@@ -68,9 +71,10 @@ pub use settings::{
     CacheChoice, ChannelChoice, OperatorChoice, OperatorSettings, Settings, TraceOverrides, View,
 };
 pub(crate) use settings::{byte_count, size};
+pub use shards::{JoinedShards, Scaling, TracedShard, join_shards};
 pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, Saved, Verb, Verified};
-pub use verbs::{JoinedShards, MatrixRequest, Scaling, SinglePhoto, TracedShard, join_shards};
+pub use verbs::SinglePhoto;
 pub use verification::VerifiedEigenpairs;
 
 pub use crate::analysis::segment::Truth;

@@ -217,7 +217,7 @@ impl FlatField {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::spread::Spread;
+    use crate::measure::spread::PixelSpread;
 
     #[test]
     fn by_area_a_projector_pixel_is_seen_by_the_camera_pixels_inside_it() {
@@ -240,7 +240,7 @@ mod tests {
             let lens = LensMap::of_same_field(camera, projector);
             let corner = lens.to_projector([width as f64, 0.0]);
             assert!((corner[0] - 8.0).abs() < 1e-12 && corner[1].abs() < 1e-12, "{corner:?}");
-            let spread = Spread::new(&map, &lens);
+            let spread = PixelSpread::new(&map, &lens);
             for pixel in 0..48 {
                 let row = spread.row(pixel);
                 let of = |is_own: bool| -> f64 {

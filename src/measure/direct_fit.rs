@@ -1,7 +1,7 @@
 //! The least-squares fit of one channel's direct light to the photos of shifted patterns.
 
 use super::photos::Plane;
-use super::spread::Spread;
+use super::spread::PixelSpread;
 use crate::image::{Blur, Resolution};
 
 /// A residual shows an error of the model when its square is this many times the square of the noise. The mean of pure noise over
@@ -13,7 +13,7 @@ pub(crate) struct DirectFit<'a> {
     light: Vec<Vec<f64>>,
     /// `Σ_m u_m²` at each pixel.
     square: Vec<f64>,
-    spread: Option<&'a Spread>,
+    spread: Option<&'a PixelSpread>,
     direct: Vec<f64>,
     /// The residuals of the photos.
     left: Vec<Vec<f64>>,
@@ -28,7 +28,7 @@ impl<'a> DirectFit<'a> {
         shown: &[Vec<f64>],
         lit: &[bool],
         blur: Option<&Blur>,
-        spread: Option<&'a Spread>,
+        spread: Option<&'a PixelSpread>,
         photos: &[Vec<f64>],
     ) -> Self {
         let mut light: Vec<Vec<f64>> = match blur {
@@ -67,7 +67,7 @@ impl<'a> DirectFit<'a> {
     }
 
     /// The sum `Σ_m u_m ∘ Sᵀ z_m` for the residuals `z_m`: half the negative gradient of the sum of squares.
-    fn gradient(&self, spread: &Spread) -> Vec<f64> {
+    fn gradient(&self, spread: &PixelSpread) -> Vec<f64> {
         let mut sum = vec![0.0; self.square.len()];
         for (left, light) in self.left.iter().zip(&self.light) {
             let back = spread.apply_transposed(left);
@@ -168,7 +168,7 @@ const PART: usize = 8;
 /// The standard error of the blur, and the dependence of direct light on it.
 #[derive(Clone, Debug)]
 pub(crate) struct BlurDoubt {
-    resolution: Resolution,
+    pub(crate) resolution: Resolution,
     /// The standard error of the share of a pixel's light that goes to its neighbours.
     pub(crate) error: f64,
     /// The derivative of `d` with respect to this share, for each of the camera's channels.
@@ -194,11 +194,6 @@ impl BlurDoubt {
             slopes.push(change.map(|(less, more)| (more - less) / (2.0 * SHARE_STEP)).collect());
         }
         Self { resolution, error: share_error(resolution, &squares), slopes }
-    }
-
-    #[cfg(test)]
-    pub(crate) fn none(resolution: Resolution) -> Self {
-        Self { resolution, error: 0.0, slopes: vec![vec![0.0; resolution.pixels()]] }
     }
 
     /// The derivative of a pattern with respect to the share of light that goes to the neighbours.
@@ -245,12 +240,12 @@ fn share_error(resolution: Resolution, [less, same, more]: &[Vec<f64>; 3]) -> f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::direct_patterns::DirectPatterns;
+    use crate::measure::direct::DirectPatterns;
     use crate::measure::footprint::by_overlap;
     use crate::measure::lens_map::LensMap;
 
     /// The photos of direct light, minus their mean over the patterns.
-    fn photos(direct: &[f64], shown: &[Vec<f64>], spread: Option<&Spread>) -> Vec<Vec<f64>> {
+    fn photos(direct: &[f64], shown: &[Vec<f64>], spread: Option<&PixelSpread>) -> Vec<Vec<f64>> {
         let photo = |pattern: &Vec<f64>| -> Vec<f64> {
             let light: Vec<f64> = direct.iter().zip(pattern).map(|(d, u)| d * u).collect();
             spread.map_or(light.clone(), |spread| spread.apply(&light))
@@ -347,7 +342,7 @@ mod tests {
                 homography: [1.0, 0.0, past / unit, 0.0, 1.0, 0.3 * past / unit, 0.0, 0.0],
                 distortion: [0.0; 2],
             };
-            let spread = Spread::new(&by_overlap(&lens, &[true; 480]), &lens);
+            let spread = PixelSpread::new(&by_overlap(&lens, &[true; 480]), &lens);
             let shown = DirectPatterns::Codes.shown(resolution, &lit);
             let direct: Vec<f64> =
                 uneven(120).into_iter().zip(&lit).map(|(d, &lit)| if lit { d } else { 0.0 }).collect();
@@ -381,7 +376,7 @@ mod tests {
             homography: [1.0, 0.0, 0.5 / 2.5, 0.0, 1.0, 0.2 / 2.5, 0.0, 0.0],
             distortion: [0.0; 2],
         };
-        let spread = Spread::new(&by_overlap(&lens, &[true; 12]), &lens);
+        let spread = PixelSpread::new(&by_overlap(&lens, &[true; 12]), &lens);
         let shown = DirectPatterns::Squares(2).shown(resolution, &[true; 12]);
         let direct = uneven(12);
         let photos = photos(&direct, &shown, Some(&spread));

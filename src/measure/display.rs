@@ -28,7 +28,7 @@ use crate::rig::{Frame, ProjectorInfo};
 use crate::transport::Part;
 
 #[derive(Clone, Debug)]
-pub(crate) struct Display {
+pub(crate) struct PatternDisplay {
     resolution: Resolution,
     curves: Vec<ProjectorCurve>,
     dither: DitherBy,
@@ -43,7 +43,7 @@ pub(crate) struct Displayed {
     pub(crate) light: Vec<Vec<f64>>,
 }
 
-impl Display {
+impl PatternDisplay {
     /// The display of a projector with these response curves. `undo` corrects the response, and `seed` starts the random dither.
     pub(crate) fn new(
         projector: &ProjectorInfo,
@@ -202,7 +202,7 @@ pub fn bit_plane_amplification(bit_plane_weights: &[f64]) -> f64 {
 
 /// Decomposes the pattern `target` into `count` frames with their weights. It has one plane for all channels or one per channel. Dark frames are left out.
 pub(crate) fn decompose(
-    display: &Display,
+    display: &PatternDisplay,
     target: &[Vec<f64>],
     part: Part,
     count: u32,
@@ -243,12 +243,12 @@ mod tests {
         ProjectorInfo { name: "projector".into(), resolution, channels, bits, frame_time: 0.0 }
     }
 
-    fn display(width: usize, height: usize, light: &[f64], dither: DitherBy) -> Display {
+    fn display(width: usize, height: usize, light: &[f64], dither: DitherBy) -> PatternDisplay {
         let info = projector(width, height, 1, light.len().ilog2());
-        Display::new(&info, &[light.to_vec()], true, dither, 7).expect("it ascends from 0 to 1")
+        PatternDisplay::new(&info, &[light.to_vec()], true, dither, 7).expect("it ascends from 0 to 1")
     }
 
-    fn levels(display: &Display, target: &[f64], part: Part) -> Vec<u16> {
+    fn levels(display: &PatternDisplay, target: &[f64], part: Part) -> Vec<u16> {
         display.show(&[target.to_vec()], part).expect("as many values as pixels").frame.levels().to_vec()
     }
 
@@ -320,8 +320,8 @@ mod tests {
     #[test]
     fn each_channel_has_its_curve_and_its_target_and_what_is_shown_is_known() {
         let curves = [vec![0.0, 0.1, 0.4, 1.0], vec![0.0, 0.3, 0.6, 1.0], vec![0.0, 0.5, 0.9, 1.0]];
-        let display =
-            Display::new(&projector(2, 1, 3, 2), &curves, true, DitherBy::None, 0).expect("they ascend");
+        let display = PatternDisplay::new(&projector(2, 1, 3, 2), &curves, true, DitherBy::None, 0)
+            .expect("they ascend");
         assert_eq!(display.widest_step(), 0.6);
         let gray = display.show(&[vec![0.44, 0.95]], Part::Full).expect("one plane for all channels");
         assert_eq!(gray.frame.levels(), [2, 1, 1, 3, 3, 2]);

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::calibration::Registration;
 use super::lens_map::LensMap;
-use super::spread::{Entry, SparseRows};
+use super::spread::{SparseRows, WeightedColumn};
 use crate::image::Resolution;
 
 /// A projector pixel is seen when lit camera pixels cover at least this share of its area.
@@ -30,8 +30,8 @@ pub(crate) fn shares(map: &LensMap, lit: &[bool]) -> SparseRows {
 }
 
 /// The areas of the `lit` camera pixels in the projector's raster, and their overlaps with each projector pixel.
-fn overlaps(map: &LensMap, lit: &[bool]) -> (Vec<f64>, Vec<Vec<Entry>>) {
-    let mut rows: Vec<Vec<Entry>> = vec![Vec::new(); map.projector.pixels()];
+fn overlaps(map: &LensMap, lit: &[bool]) -> (Vec<f64>, Vec<Vec<WeightedColumn>>) {
+    let mut rows: Vec<Vec<WeightedColumn>> = vec![Vec::new(); map.projector.pixels()];
     let mut areas = vec![0.0; map.camera.pixels()];
     for (pixel, _) in lit.iter().enumerate().filter(|(_, lit)| **lit) {
         let corners = corners(map, pixel);
@@ -67,7 +67,7 @@ pub(crate) fn overlapped(
 }
 
 impl Registration {
-    pub(crate) fn of_rows(camera: Resolution, projector: Resolution, rows: Vec<Vec<Entry>>) -> Self {
+    pub(crate) fn of_rows(camera: Resolution, projector: Resolution, rows: Vec<Vec<WeightedColumn>>) -> Self {
         let (mut starts, mut pixels, mut weights) = (vec![0], Vec::new(), Vec::new());
         for row in rows {
             pixels.extend(row.iter().map(|entry| entry.0));
@@ -138,15 +138,16 @@ const REACH: usize = 2;
 const ACCURACY: f64 = 1e-6;
 
 /// The shares, from the areas of the camera's pixels and the areas of their overlaps, which are listed by projector pixel.
-fn shares_of(areas: &[f64], overlaps: &[Vec<Entry>]) -> SparseRows {
-    let share = |&(camera, area): &Entry| (camera, area / areas[camera as usize]);
-    let shares: Vec<Vec<Entry>> = overlaps.iter().map(|row| row.iter().map(share).collect()).collect();
+fn shares_of(areas: &[f64], overlaps: &[Vec<WeightedColumn>]) -> SparseRows {
+    let share = |&(camera, area): &WeightedColumn| (camera, area / areas[camera as usize]);
+    let shares: Vec<Vec<WeightedColumn>> =
+        overlaps.iter().map(|row| row.iter().map(share).collect()).collect();
     SparseRows::transposed(&shares, areas.len())
 }
 
 /// The weights of the camera pixels of one projector pixel. `row` lists these camera pixels with their overlaps.
-fn sharpened(pixel: usize, mut row: Vec<Entry>, shares: &SparseRows) -> Vec<Entry> {
-    let columns: Vec<&[Entry]> = row.iter().map(|entry| shares.row(entry.0 as usize)).collect();
+fn sharpened(pixel: usize, mut row: Vec<WeightedColumn>, shares: &SparseRows) -> Vec<WeightedColumn> {
+    let columns: Vec<&[WeightedColumn]> = row.iter().map(|entry| shares.row(entry.0 as usize)).collect();
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     // The condition is `lit · r = 1`.
     let lit: Vec<f64> =
@@ -160,13 +161,14 @@ fn sharpened(pixel: usize, mut row: Vec<Entry>, shares: &SparseRows) -> Vec<Entr
         for (r, column) in r.iter().zip(&columns) {
             column.iter().for_each(|(at, share)| seen[position(&near, *at)] += r * share);
         }
-        let back = |(r, column): (&f64, &&[Entry])| {
+        let back = |(r, column): (&f64, &&[WeightedColumn])| {
             NOISE * r + column.iter().map(|(at, share)| share * seen[position(&near, *at)]).sum::<f64>()
         };
         r.iter().zip(&columns).map(back).collect()
     };
-    let own =
-        |column: &&[Entry]| column.iter().find(|(at, _)| *at as usize == pixel).map_or(0.0, |entry| entry.1);
+    let own = |column: &&[WeightedColumn]| {
+        column.iter().find(|(at, _)| *at as usize == pixel).map_or(0.0, |entry| entry.1)
+    };
     // These conjugate gradients keep the condition: residual and directions are orthogonal to `lit`.
     let within = |mut v: Vec<f64>| {
         let along = dot(&v, &lit) / dot(&lit, &lit);
@@ -198,7 +200,7 @@ fn sharpened(pixel: usize, mut row: Vec<Entry>, shares: &SparseRows) -> Vec<Entr
 /// The camera pixels for a projector pixel, with their overlaps, in ascending order. If few overlap it, none may lie inside it. The
 /// surrounding camera pixels, with an overlap of 0, then show how much light of the neighbours they see. `overlaps` lists the overlaps of
 /// all projector pixels.
-fn around(pixel: usize, projector: Resolution, overlaps: &[Vec<Entry>]) -> Vec<Entry> {
+fn around(pixel: usize, projector: Resolution, overlaps: &[Vec<WeightedColumn>]) -> Vec<WeightedColumn> {
     let own = &overlaps[pixel];
     if own.len() >= ENOUGH {
         return own.clone();
@@ -207,7 +209,7 @@ fn around(pixel: usize, projector: Resolution, overlaps: &[Vec<Entry>]) -> Vec<E
     let near = |at: usize, of: usize| at.saturating_sub(REACH)..(at + REACH + 1).min(of);
     let columns = near(pixel % width, width);
     let around = near(pixel / width, height).flat_map(|y| columns.clone().map(move |x| y * width + x));
-    let mut row: Vec<Entry> = around
+    let mut row: Vec<WeightedColumn> = around
         .flat_map(|other| overlaps[other].iter().map(|entry| (entry.0, 0.0)))
         .chain(own.iter().copied())
         .collect();
@@ -218,7 +220,7 @@ fn around(pixel: usize, projector: Resolution, overlaps: &[Vec<Entry>]) -> Vec<E
 }
 
 /// The projector pixels that these camera pixels see, in ascending order.
-fn neighbours(columns: &[&[Entry]]) -> Vec<u32> {
+fn neighbours(columns: &[&[WeightedColumn]]) -> Vec<u32> {
     let mut near: Vec<u32> = columns.iter().flat_map(|column| column.iter().map(|entry| entry.0)).collect();
     near.sort_unstable();
     near.dedup();
@@ -232,7 +234,7 @@ fn position(near: &[u32], pixel: u32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::spread::Spread;
+    use crate::measure::spread::PixelSpread;
 
     /// A camera of `camera` pixels whose view is shifted by `shift` projector pixels.
     fn shifted(camera: Resolution, projector: Resolution, shift: f64) -> LensMap {
@@ -259,7 +261,7 @@ mod tests {
         let (projector, camera) = (Resolution::new(12, 8), Resolution::new(30, 20));
         let map = shifted(camera, projector, 0.3);
         let found = by_overlap(&map, &vec![true; camera.pixels()]);
-        let spread = Spread::new(&found, &map);
+        let spread = PixelSpread::new(&found, &map);
         let one = |pixel: usize| -> Vec<f64> {
             (0..projector.pixels()).map(|at| f64::from(u8::from(at == pixel))).collect()
         };

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::calibration::{Calibration, FlatField, Registration};
 use super::direct::DirectMatrix;
-use super::display::Display;
+use super::display::PatternDisplay;
 use super::frame_source::{Effort, FrameSource};
 use super::options::MeasureOptions;
 use super::photo_pipeline::{DriftReport, PhotoPipeline};
@@ -25,7 +25,7 @@ use crate::transport::Part;
 /// masked: they are never lit, and their values are 0.
 pub struct Measurement {
     pub(crate) pipeline: PhotoPipeline,
-    pub(crate) display: Display,
+    pub(crate) display: PatternDisplay,
     pub(crate) registration: Registration,
     pub(crate) importance: Vec<f64>,
     pub(crate) seen: Vec<bool>,
@@ -73,7 +73,7 @@ impl Measurement {
             .help(format!("give seconds from {shortest} to {longest}")));
         }
         let curve = CameraCurve::new(&calibration.camera, camera.bits, options.response)?;
-        let display = Display::new(
+        let display = PatternDisplay::new(
             &projector,
             &calibration.projector,
             options.response,

@@ -17,7 +17,7 @@
 //! | `registration`, `footprint`, `spread` | resample photos to projector pixels, with the noise of any sum of photos | 8.1 |
 //! | `display` | rounds patterns to levels, and sums frames for more levels | 7.2 |
 //! | `signed` | shows signed vectors as patterns, chosen by predicted noise | 7.1 |
-//! | `direct`, `direct_fit`, `direct_patterns` | measure the direct light, and remove it for the pattern that was actually shown | |
+//! | `direct`, `direct_fit` | measure the direct light, and remove it for the pattern that was actually shown | |
 //! | `product` | puts products together from photos, with a blur of pattern and photo | |
 //!
 //! Photos are in linear DN per second for a full-range pattern. The value 1 is the light of the projector's brightest level minus the light
@@ -27,7 +27,6 @@ mod calibration;
 mod calibration_file;
 mod direct;
 mod direct_fit;
-mod direct_patterns;
 pub(crate) mod display;
 mod exposure;
 pub(crate) mod footprint;
@@ -50,7 +49,7 @@ mod signed;
 pub(crate) mod spread;
 
 pub use calibration::{Calibration, CameraResponse, FlatField, Registration, Stability};
-pub use direct_patterns::{checkerboard, code_patterns};
+pub use direct::{checkerboard, code_patterns};
 pub use display::{bit_plane_amplification, bit_plane_weights};
 #[cfg(test)]
 pub(crate) use frame_source::simulated;

@@ -8,7 +8,7 @@ use rand_pcg::Pcg64;
 use super::display::decompose;
 use super::hdr::RateFrame;
 use super::measurement::Measurement;
-use super::product::Term;
+use super::product::PhotoTerm;
 use super::registration::combine;
 use super::spread::merged;
 use crate::error::{Error, Result};
@@ -232,7 +232,7 @@ impl Measurement {
     }
 
     /// `Σ coefficient · photo + white · A 1` for each of the camera's channels.
-    pub(crate) fn sums(&mut self, terms: &[Term], white: f64) -> Result<Vec<Plane>> {
+    pub(crate) fn sums(&mut self, terms: &[PhotoTerm], white: f64) -> Result<Vec<Plane>> {
         (0..self.camera_channels()).map(|channel| self.sum(terms, white, channel)).collect()
     }
 }

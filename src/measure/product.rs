@@ -11,8 +11,7 @@
 
 use std::sync::Arc;
 
-use super::direct::DirectMatrix;
-use super::direct_patterns::DirectPatterns;
+use super::direct::{DirectMatrix, DirectPatterns};
 use super::display::{Displayed, decompose};
 use super::hdr::RateFrame;
 use super::measurement::Measurement;
@@ -25,7 +24,7 @@ use crate::rig::Frame;
 use crate::transport::Part;
 
 /// One photo in the sum that makes a product.
-pub(crate) struct Term {
+pub(crate) struct PhotoTerm {
     coefficient: f64,
     rate_frame: Arc<RateFrame>,
     displayed: Displayed,
@@ -61,7 +60,7 @@ impl Measurement {
         self.check_length("pixels of the frame", frame.resolution().pixels())?;
         let displayed = self.display.of_frame(frame);
         let rate_frame = self.pipeline.photograph(frame)?;
-        let terms = [Term { coefficient: 1.0, rate_frame, displayed }];
+        let terms = [PhotoTerm { coefficient: 1.0, rate_frame, displayed }];
         let planes = self.sums(&terms, 0.0)?;
         let pattern = |channel| {
             let shown = self.masked(&self.shown(&terms, 0.0, channel));
@@ -145,17 +144,22 @@ impl Measurement {
     }
 
     /// Shows a pattern in bit planes. Returns their photos.
-    pub(crate) fn capture(&mut self, coefficient: f64, target: &[Vec<f64>], part: Part) -> Result<Vec<Term>> {
+    pub(crate) fn capture(
+        &mut self,
+        coefficient: f64,
+        target: &[Vec<f64>],
+        part: Part,
+    ) -> Result<Vec<PhotoTerm>> {
         let planes = decompose(&self.display, target, part, self.options.bit_planes)?;
         let term = |(weight, displayed): (f64, Displayed)| {
             let rate_frame = self.pipeline.photograph(&displayed.frame)?;
-            Ok(Term { coefficient: coefficient * weight, rate_frame, displayed })
+            Ok(PhotoTerm { coefficient: coefficient * weight, rate_frame, displayed })
         };
         planes.into_iter().map(term).collect()
     }
 
     /// `Σ coefficient · photo + white · A 1` for one channel of the camera.
-    pub(crate) fn sum(&mut self, terms: &[Term], white: f64, channel: usize) -> Result<Plane> {
+    pub(crate) fn sum(&mut self, terms: &[PhotoTerm], white: f64, channel: usize) -> Result<Plane> {
         let channels = self.camera_channels();
         let references = self.pipeline.references()?;
         let mut rate_frames: Vec<&RateFrame> = vec![&references.white];
@@ -174,7 +178,7 @@ impl Measurement {
     }
 
     /// The pattern that was shown. It differs from the target by rounding to levels.
-    pub(crate) fn shown(&self, terms: &[Term], white: f64, channel: usize) -> Vec<f64> {
+    pub(crate) fn shown(&self, terms: &[PhotoTerm], white: f64, channel: usize) -> Vec<f64> {
         let mut shown: Vec<f64> = self.seen.iter().map(|&seen| if seen { white } else { 0.0 }).collect();
         for term in terms {
             let light = term.displayed.seen_by(channel, self.camera_channels());

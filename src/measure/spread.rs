@@ -16,16 +16,16 @@ const LEAST_SHARE: f64 = 1e-4;
 
 /// The matrix `S`, `n × n` for `n` projector pixels, and its transpose.
 #[derive(Clone, Debug)]
-pub(crate) struct Spread {
+pub(crate) struct PixelSpread {
     rows: SparseRows,
     columns: SparseRows,
 }
 
-impl Spread {
+impl PixelSpread {
     /// The spread of a pixel map that was made with `lens`.
     pub(crate) fn new(registration: &Registration, lens: &LensMap) -> Self {
         let shares = shares(lens, &vec![true; registration.camera.pixels()]);
-        let row = |pixel: usize| -> Vec<Entry> {
+        let row = |pixel: usize| -> Vec<WeightedColumn> {
             let of_camera = registration.row(pixel).flat_map(|(camera, weight)| {
                 shares.row(camera).iter().map(move |&(at, share)| (at, weight * share))
             });
@@ -34,7 +34,7 @@ impl Spread {
             row
         };
         let n = registration.projector.pixels();
-        let rows: Vec<Vec<Entry>> = (0..n).into_par_iter().map(row).collect();
+        let rows: Vec<Vec<WeightedColumn>> = (0..n).into_par_iter().map(row).collect();
         Self { rows: SparseRows::new(&rows), columns: SparseRows::transposed(&rows, n) }
     }
 
@@ -44,7 +44,7 @@ impl Spread {
     }
 
     /// Row `i` of `S`, as pixels and their weights.
-    pub(crate) fn row(&self, pixel: usize) -> &[Entry] {
+    pub(crate) fn row(&self, pixel: usize) -> &[WeightedColumn] {
         self.rows.row(pixel)
     }
 
@@ -65,17 +65,17 @@ impl Spread {
 }
 
 /// A column and its weight.
-pub(crate) type Entry = (u32, f64);
+pub(crate) type WeightedColumn = (u32, f64);
 
 /// A sparse matrix in compressed rows.
 #[derive(Clone, Debug)]
 pub(crate) struct SparseRows {
     starts: Vec<usize>,
-    entries: Vec<Entry>,
+    entries: Vec<WeightedColumn>,
 }
 
 impl SparseRows {
-    pub(crate) fn new(rows: &[Vec<Entry>]) -> Self {
+    pub(crate) fn new(rows: &[Vec<WeightedColumn>]) -> Self {
         let mut starts = vec![0];
         for row in rows {
             starts.push(starts[starts.len() - 1] + row.len());
@@ -84,7 +84,7 @@ impl SparseRows {
     }
 
     /// The transpose of the matrix with these rows and this number of `columns`. Its entries ascend in each row.
-    pub(crate) fn transposed(rows: &[Vec<Entry>], columns: usize) -> Self {
+    pub(crate) fn transposed(rows: &[Vec<WeightedColumn>], columns: usize) -> Self {
         let mut starts = vec![0; columns + 1];
         for &(column, _) in rows.iter().flatten() {
             starts[column as usize + 1] += 1;
@@ -104,7 +104,7 @@ impl SparseRows {
         Self { starts, entries }
     }
 
-    pub(crate) fn row(&self, row: usize) -> &[Entry] {
+    pub(crate) fn row(&self, row: usize) -> &[WeightedColumn] {
         &self.entries[self.starts[row]..self.starts[row + 1]]
     }
 
@@ -121,7 +121,7 @@ impl SparseRows {
 }
 
 /// The entries in ascending order of their columns. Entries of one column are added up.
-pub(crate) fn merged(mut entries: Vec<Entry>) -> Vec<Entry> {
+pub(crate) fn merged(mut entries: Vec<WeightedColumn>) -> Vec<WeightedColumn> {
     entries.sort_by_key(|entry| entry.0);
     let runs = entries.chunk_by(|a, b| a.0 == b.0);
     runs.map(|run| (run[0].0, run.iter().map(|entry| entry.1).sum())).collect()
@@ -133,7 +133,7 @@ mod tests {
     use crate::image::Resolution;
 
     /// A camera pixel that lies across four projector pixels sees a quarter of each.
-    fn across() -> Spread {
+    fn across() -> PixelSpread {
         let size = Resolution::new(6, 5);
         let lens = LensMap {
             camera: size,
@@ -142,7 +142,7 @@ mod tests {
             homography: [1.0, 0.0, 1.0 / 61.0_f64.sqrt(), 0.0, 1.0, 1.0 / 61.0_f64.sqrt(), 0.0, 0.0],
             distortion: [0.0; 2],
         };
-        Spread::new(&Registration::by_area(size, size), &lens)
+        PixelSpread::new(&Registration::by_area(size, size), &lens)
     }
 
     #[test]

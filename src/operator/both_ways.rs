@@ -1,6 +1,6 @@
 //! Light in both directions: two arrangements of the same devices as one operator with its transpose, and the products `AᵀA` and `A Aᵀ`.
 
-use super::{Adjoint, Operator, Symmetry, block, block_mut, delegate};
+use super::{Adjoint, Direction, Operator, Symmetry, block, block_mut, delegate, product};
 use crate::error::{Error, Result};
 
 /// An operator `A` with a transpose from another source: the same scene, with camera and projector exchanged. By Helmholtz reciprocity,
@@ -21,13 +21,9 @@ impl<F: Operator, B: Operator> Exchanged<F, B> {
     /// # Errors
     /// [`Error::Dimension`] if the rows of one do not match the columns of the other.
     pub fn new(forth: F, back: B, unit: f64) -> Result<Self> {
-        if (forth.rows(), forth.cols()) != (back.cols(), back.rows()) {
-            return Err(Error::dimension(
-                "the operator of the exchanged devices",
-                format!("{}x{}", forth.cols(), forth.rows()),
-                format!("{}x{}", back.rows(), back.cols()),
-            ));
-        }
+        let expected = format!("{}x{}", forth.cols(), forth.rows());
+        let found = format!("{}x{}", back.rows(), back.cols());
+        Error::check_size("the operator of the exchanged devices", expected, found)?;
         Ok(Self { forth, back, unit, errors: Vec::new() })
     }
 
@@ -38,9 +34,8 @@ impl<F: Operator, B: Operator> Exchanged<F, B> {
     /// The errors of [`Exchanged::new`]; [`Error::Numerical`] if the second arrangement sees no light; any error of the products.
     pub fn in_one_unit(mut forth: F, mut back: B) -> Result<Self> {
         let light = |operator: &mut dyn Operator| -> Result<f64> {
-            let mut photo = vec![0.0; operator.rows()];
-            operator.apply(&vec![1.0; operator.cols()], &mut photo)?;
-            Ok(photo.iter().sum())
+            let ones = vec![1.0; operator.cols()];
+            Ok(product(operator, &ones)?.iter().sum())
         };
         let unit = light(&mut forth)? / light(&mut back)?;
         if !unit.is_finite() || unit <= 0.0 {
@@ -145,19 +140,6 @@ impl<'a> Gram<'a> {
     fn size(&self) -> usize {
         if self.of_photos { self.operator.rows() } else { self.operator.cols() }
     }
-
-    /// Records the errors of the second products, and the errors of the first products as the second may have enlarged them.
-    fn note_errors(&mut self, first: &[f64], middle: &[Vec<f64>], ys: &[&mut [f64]]) {
-        for (middle, y) in middle.iter().zip(ys) {
-            let length = norm(middle);
-            if length > 0.0 {
-                self.gain = self.gain.max(norm(y) / length);
-            }
-        }
-        let second = self.operator.standard_errors();
-        self.errors =
-            first.iter().zip(&second).map(|(first, second)| second.hypot(self.gain * first)).collect();
-    }
 }
 
 fn norm(x: &[f64]) -> f64 {
@@ -178,19 +160,22 @@ impl Operator for Gram<'_> {
     }
 
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        let between = if self.of_photos { self.operator.cols() } else { self.operator.rows() };
+        let (between, [first, second]) = match self.of_photos {
+            true => (self.operator.cols(), [Direction::Adjoint, Direction::Forward]),
+            false => (self.operator.rows(), [Direction::Forward, Direction::Adjoint]),
+        };
         let mut middle = vec![vec![0.0; between]; xs.len()];
-        let first;
-        if self.of_photos {
-            self.operator.apply_adjoint_block(xs, &mut block_mut(&mut middle))?;
-            first = self.operator.standard_errors();
-            self.operator.apply_block(&block(&middle), ys)?;
-        } else {
-            self.operator.apply_block(xs, &mut block_mut(&mut middle))?;
-            first = self.operator.standard_errors();
-            self.operator.apply_adjoint_block(&block(&middle), ys)?;
+        self.operator.products(first, xs, &mut block_mut(&mut middle))?;
+        let first_errors = self.operator.standard_errors();
+        self.operator.products(second, &block(&middle), ys)?;
+        for (middle, y) in middle.iter().zip(ys) {
+            let length = norm(middle);
+            if length > 0.0 {
+                self.gain = self.gain.max(norm(y) / length);
+            }
         }
-        self.note_errors(&first, &middle, ys);
+        let errors = first_errors.iter().zip(self.operator.standard_errors());
+        self.errors = errors.map(|(first, second)| second.hypot(self.gain * first)).collect();
         Ok(())
     }
 

@@ -146,11 +146,10 @@ impl<'a, O: Operator + ?Sized> Recorded<'a, O> {
         Self { keeps_products: false, ..Self::new(operator) }
     }
 
-    fn record<Y: AsRef<[f64]>>(&mut self, from: &[&[f64]], to: &[Y]) {
+    fn record(&mut self, from: &[&[f64]], to: &[&mut [f64]]) {
         if self.keeps_products {
-            let product =
-                |(from, to): (&&[f64], &Y)| Product { from: from.to_vec(), to: to.as_ref().to_vec() };
-            self.products.extend(from.iter().zip(to).map(product));
+            let products = from.iter().zip(to);
+            self.products.extend(products.map(|(from, to)| Product { from: from.to_vec(), to: to.to_vec() }));
         }
         if let Some((now, before)) = self.operator.frames().zip(self.before) {
             self.frames.resize(self.frames.len() + from.len(), now - before);

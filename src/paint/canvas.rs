@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::planes::{self, Planes};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
-use crate::lab::{Lab, LabOperator, MatrixRequest, SourceKind};
+use crate::lab::{Lab, LabOperator, SourceKind};
 use crate::operator::{Adjoint, Operator};
 use crate::sparse::Csr;
 use crate::transport::Part;
@@ -250,7 +250,6 @@ fn layers(lab: &mut Lab) -> Result<Vec<(Light, Columns)>> {
     if !has_matrix {
         return Ok(Vec::new());
     }
-    let request = |part, split_bounces| MatrixRequest { part, split_bounces, photos: None };
     // Turns `[channel][layer]` into `[layer][channel]`.
     let by_layer = |lights: &[Light], matrices: Vec<Vec<(&'static str, Csr)>>| {
         let mut channels: Vec<_> = matrices.into_iter().map(Vec::into_iter).collect();
@@ -263,13 +262,13 @@ fn layers(lab: &mut Lab) -> Result<Vec<(Light, Columns)>> {
     let is_square = lab.resolution().pixels() == lab.projector_resolution().pixels();
     if lab.kind() == SourceKind::Scene && lab.settings().split_bounces {
         let lights = [Light::Direct, Light::Second, Light::Later];
-        return Ok(by_layer(&lights, lab.matrices(&request(Part::Full, true))?));
+        return Ok(by_layer(&lights, lab.matrices(Part::Full, true, None)?));
     }
     if lab.kind() == SourceKind::Matrix && !is_square {
-        return Ok(by_layer(&[Light::All], lab.matrices(&request(Part::Full, false))?));
+        return Ok(by_layer(&[Light::All], lab.matrices(Part::Full, false, None)?));
     }
-    let mut found = by_layer(&[Light::Direct], lab.matrices(&request(Part::Direct, false))?);
-    found.extend(by_layer(&[Light::Global], lab.matrices(&request(Part::Global, false))?));
+    let mut found = by_layer(&[Light::Direct], lab.matrices(Part::Direct, false, None)?);
+    found.extend(by_layer(&[Light::Global], lab.matrices(Part::Global, false, None)?));
     Ok(found)
 }
 

@@ -281,7 +281,6 @@ impl Outboxes {
         let slot = NEWEST.iter().position(|of| *of == kind);
         for (client, outbox) in self.lock().iter_mut() {
             let is_meant = match to {
-                Recipients::All => true,
                 Recipients::AllBut(author) => author != Some(*client),
                 Recipients::Only(one) => one == *client,
             };

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::canvas::{Canvas, Columns, Light};
 use super::page::{WORKER, describe, page};
-use super::question::Answer;
+use super::question::PageAnswer;
 use crate::analysis::planes::{Planes, difference, norm};
 use crate::error::{Error, Result};
 use crate::report::content::{self as array, Content};
@@ -33,15 +33,15 @@ pub struct EmbedOptions {
 #[derive(Clone, Debug, Default)]
 pub struct Kept {
     /// Labels, with one plane for each number of groups.
-    pub groups: Option<Answer>,
+    pub groups: Option<PageAnswer>,
     /// Eigenvectors, one plane each, with their eigenvalues.
-    pub eigenvectors: Option<Answer>,
+    pub eigenvectors: Option<PageAnswer>,
 }
 
 impl Kept {
     /// The labels of a segmentation, or else the eigenvectors, if the answer has any.
     pub fn of(answer: &impl crate::lab::Answer, content: &Content<'_>) -> Self {
-        let answer = || Answer { status: answer.sentence(), ..Answer::default() };
+        let answer = || PageAnswer { status: answer.sentence(), ..PageAnswer::default() };
         let (mut groups, mut eigenvectors) = (answer(), answer());
         for array in &content.arrays {
             match (array.name, array.key, &array.values) {
@@ -210,7 +210,7 @@ impl Parts {
         let ambient = canvas.ambient_of(Light::All).map(floats).unwrap_or_default();
         info["ambient"] = json!(sections.add(&ambient));
         info["kept"] = json!({});
-        let mut keep = |ask: &str, answer: &Answer, bytes: &[u8]| {
+        let mut keep = |ask: &str, answer: &PageAnswer, bytes: &[u8]| {
             info["kept"][ask] = json!(answer);
             info["kept"][ask]["section"] = json!(sections.add(bytes));
         };
@@ -447,7 +447,7 @@ mod tests {
         assert_eq!(kept.groups, None);
         let groups = lab.ask(&Segment { groups: vec![2, 3], photos: Some(10), ..Segment::default() })?;
         let kept = Kept::of(&groups, &groups.content());
-        assert_eq!(kept.groups, Some(Answer::from(&groups.segmentation)));
+        assert_eq!(kept.groups, Some(PageAnswer::from(&groups.segmentation)));
         assert_eq!(kept.eigenvectors, None);
         Ok(())
     }

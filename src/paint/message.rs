@@ -9,7 +9,7 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 use serde::Deserialize;
 
-use super::question::Question;
+use super::question::PageQuestion;
 use crate::analysis::planes::Planes;
 
 /// The number of bytes before the content of a message.
@@ -23,10 +23,8 @@ pub enum PageRequest {
     /// A stroke has ended, so the exact photo of the pattern is wanted.
     Finish,
     Light(usize),
-    /// The light of this projector pixel.
-    Column(u32),
-    /// The projector pixels that light this camera pixel.
-    Row(u32),
+    /// What a message of this kind shows of this pixel: a column or a row.
+    Look(MessageKind, u32),
     Ask(NumberedQuestion),
 }
 
@@ -35,10 +33,10 @@ pub enum PageRequest {
 pub struct NumberedQuestion {
     pub number: u32,
     #[serde(flatten)]
-    pub question: Question,
+    pub question: PageQuestion,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum MessageKind {
     /// A photo. The number is that of the author's last request that the photo includes. The flag says that the photo is exact.
     Photo = 1,
@@ -64,8 +62,8 @@ pub fn read(bytes: &[u8], channels: usize, pixels: usize) -> Result<(u32, PageRe
         2 => PageRequest::Replace(planes(content, channels, pixels)?),
         3 => PageRequest::Finish,
         4 => PageRequest::Light(light),
-        5 => PageRequest::Column(number),
-        6 => PageRequest::Row(number),
+        5 => PageRequest::Look(MessageKind::Column, number),
+        6 => PageRequest::Look(MessageKind::Row, number),
         kind => return Err(format!("a message of unknown kind {kind}")),
     };
     Ok((number, request))
@@ -142,8 +140,8 @@ pub struct Pending {
     pub changes: BTreeMap<u32, Vec<f32>>,
     pub is_finished: bool,
     pub light: Option<usize>,
-    /// The newest pixel that each page looks at. The key is `true` for a camera pixel, `false` for a projector pixel.
-    pub looks: BTreeMap<(Client, bool), u32>,
+    /// The newest pixel that each page looks at, for columns and for rows.
+    pub looks: BTreeMap<(Client, MessageKind), u32>,
     /// Questions in the order of their arrival.
     pub questions: VecDeque<(Client, NumberedQuestion)>,
     /// New pages, which need the current pattern and photo.
@@ -188,8 +186,7 @@ impl Mailbox {
                 pending.author = Some((client, number));
             }
             PageRequest::Light(light) => pending.light = Some(light),
-            PageRequest::Column(pixel) => _ = pending.looks.insert((client, false), pixel),
-            PageRequest::Row(pixel) => _ = pending.looks.insert((client, true), pixel),
+            PageRequest::Look(kind, pixel) => _ = pending.looks.insert((client, kind), pixel),
             PageRequest::Ask(asked) => {
                 let open = pending.questions.iter().filter(|(of, _)| *of == client).count();
                 if open >= MOST_QUESTIONS {

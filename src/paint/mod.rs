@@ -14,6 +14,6 @@ mod server;
 mod session;
 
 pub use canvas::{Canvas, Light};
-pub use question::{Answer, Question};
+pub use question::{PageAnswer, PageQuestion};
 pub use server::{Ended, ServeOptions, serve};
 pub use session::Session;

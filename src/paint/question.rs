@@ -18,7 +18,7 @@ const MOST: usize = 32;
 /// A question.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "ask", rename_all = "lowercase")]
-pub enum Question {
+pub enum PageQuestion {
     /// The eigenvectors of the largest eigenvalues of a part of the light.
     Eigenvectors {
         /// All light, or global light.
@@ -42,7 +42,7 @@ pub enum Question {
 
 /// An answer: numbers for a JSON text, and planes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Answer {
+pub struct PageAnswer {
     /// Eigenvalues, one for each plane, or the relative residual of a pattern.
     pub values: Vec<f64>,
     /// The numbers of groups, one for each plane.
@@ -54,7 +54,7 @@ pub struct Answer {
     pub planes: Planes,
 }
 
-impl From<&Segmentation> for Answer {
+impl From<&Segmentation> for PageAnswer {
     fn from(found: &Segmentation) -> Self {
         let plane = |labels: &Vec<u8>| labels.iter().map(|&label| f64::from(label)).collect();
         Self {
@@ -71,15 +71,15 @@ impl Canvas<'_> {
     ///
     /// # Errors
     /// [`Error::Option`] for a question that this source cannot answer; the errors of the methods used.
-    pub fn answer(&mut self, question: &Question) -> Result<Answer> {
+    pub fn answer(&mut self, question: &PageQuestion) -> Result<PageAnswer> {
         match question {
-            Question::Eigenvectors { light, count } => self.eigenvectors(*light, *count),
-            Question::Groups { groups } => self.groups(groups),
-            Question::Pattern { target, weights } => self.pattern_for(target, weights),
+            PageQuestion::Eigenvectors { light, count } => self.eigenvectors(*light, *count),
+            PageQuestion::Groups { groups } => self.groups(groups),
+            PageQuestion::Pattern { target, weights } => self.pattern_for(target, weights),
         }
     }
 
-    fn eigenvectors(&mut self, light: Light, count: usize) -> Result<Answer> {
+    fn eigenvectors(&mut self, light: Light, count: usize) -> Result<PageAnswer> {
         let Some(part) = light.part() else {
             return refused("eigenvectors of single bounces", "choose all, direct or global light");
         };
@@ -91,10 +91,10 @@ impl Canvas<'_> {
         let worst = worst.fold(0.0, f64::max);
         let (products, of_channel) = (found.stats.products, self.of_channel());
         let status = format!("{products} products; relative residuals up to {worst:.1e}{of_channel}");
-        Ok(Answer { values: found.values, groups: Vec::new(), status, planes: found.vectors })
+        Ok(PageAnswer { values: found.values, groups: Vec::new(), status, planes: found.vectors })
     }
 
-    fn groups(&mut self, groups: &[usize]) -> Result<Answer> {
+    fn groups(&mut self, groups: &[usize]) -> Result<PageAnswer> {
         let groups: Vec<usize> =
             groups.iter().copied().filter(|groups| (2..=MOST).contains(groups)).collect();
         let eigenvectors = groups.iter().copied().max().unwrap_or(0).max(10);
@@ -102,7 +102,7 @@ impl Canvas<'_> {
         let resolution = self.camera();
         let global = &mut self.operators(Part::Global)?[0];
         let Segmented { segmentation, .. } = request.run(global, resolution, 0)?;
-        let mut answer = Answer::from(&segmentation);
+        let mut answer = PageAnswer::from(&segmentation);
         answer.status += self.of_channel();
         Ok(answer)
     }
@@ -112,7 +112,7 @@ impl Canvas<'_> {
     }
 
     /// Computes the pattern by FISTA. If all pixels have the same weight, it uses krylov-box, which needs fewer photos.
-    fn pattern_for(&mut self, target: &[Vec<f32>], weights: &[f32]) -> Result<Answer> {
+    fn pattern_for(&mut self, target: &[Vec<f32>], weights: &[f32]) -> Result<PageAnswer> {
         let pixels = self.camera().pixels();
         if self.projector().pixels() != pixels {
             return refused(
@@ -133,7 +133,7 @@ impl Canvas<'_> {
         let products = if self.is_live() { 30 } else { 200 };
         let is_even = weights.iter().all(|&weight| weight == 1.0);
         let method = if is_even { Method::KrylovBox } else { Method::Fista };
-        let mut answer = Answer::default();
+        let mut answer = PageAnswer::default();
         let channels = self.operators(Part::Full)?.iter_mut().zip(white);
         for (channel, (operator, white)) in channels.enumerate() {
             let wanted = target[channel].iter().zip(&ambient[channel]).zip(&weights);

@@ -4,7 +4,7 @@ use tokio_tungstenite::tungstenite::Message;
 
 use super::canvas::{Canvas, Light};
 use super::message::{Client, MessageKind, NumberedQuestion, Pending, write, write_answer};
-use super::question::Question;
+use super::question::PageQuestion;
 use crate::analysis::planes::Planes;
 use crate::error::{Error, Result};
 
@@ -23,8 +23,7 @@ pub struct Session<'a> {
 /// The pages that get an event.
 #[derive(Clone, Copy, Debug)]
 pub enum Recipients {
-    All,
-    /// All pages except the author's, if there is one.
+    /// All pages, except the author's if one is given.
     AllBut(Option<Client>),
     Only(Client),
 }
@@ -131,7 +130,7 @@ impl<'a> Session<'a> {
             let number = author.map_or(0, |(_, number)| number);
             for (to, kind, number, planes) in [
                 (Recipients::AllBut(writer), MessageKind::Pattern, 0, &self.pattern),
-                (Recipients::All, MessageKind::Photo, number, &self.photo),
+                (Recipients::AllBut(None), MessageKind::Photo, number, &self.photo),
             ] {
                 send(Event::new(to, kind, write(kind, self.is_exact, self.light, number, planes)));
             }
@@ -139,8 +138,7 @@ impl<'a> Session<'a> {
         if let (Some(error), Some(client)) = (failed, writer) {
             send(Event::failed(client, None, &error));
         }
-        for ((client, is_row), pixel) in pending.looks {
-            let kind = if is_row { MessageKind::Row } else { MessageKind::Column };
+        for ((client, kind), pixel) in pending.looks {
             match self.look(kind, pixel) {
                 Ok(Some(bytes)) => send(Event::new(Recipients::Only(client), kind, bytes)),
                 Ok(None) => {}
@@ -183,7 +181,7 @@ impl<'a> Session<'a> {
         Ok(found.map(|planes| write(kind, true, self.light, pixel, &planes)))
     }
 
-    fn answer(&mut self, number: u32, question: &Question) -> Result<Vec<u8>> {
+    fn answer(&mut self, number: u32, question: &PageQuestion) -> Result<Vec<u8>> {
         let found = self.canvas.answer(question)?;
         let text = serde_json::to_string(&found).unwrap_or_default();
         Ok(write_answer(number, &text, &found.planes))

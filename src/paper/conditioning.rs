@@ -8,9 +8,9 @@ use super::bench::{Bench, Set};
 use super::figure::{Check, Content, Figure, Plot, Points, Reproduced, counted};
 use super::random::{graph, make_orthonormal};
 use super::vectors::{add, conditions, product, spectrum_of_rows, unit};
-use crate::analysis::segment::NormalizedAdjacency;
+use crate::analysis::segment::{Cut, CutMatrix};
 use crate::error::Result;
-use crate::krylov::{EigsOptions, Factorization, Lanczos, Start, dot, eigs, norm};
+use crate::krylov::{EigsOptions, Factorization, Start, dot, eigs, norm};
 use crate::operator::Operator;
 use crate::transport::Part;
 
@@ -27,20 +27,20 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let reference = second_eigenvalue(light)?;
     let photos = &mut bench.photos(&stage, Part::Global)?;
     let graph = graph(photos)?;
-    let known = NormalizedAdjacency::known_vector(&graph);
-    let cut = &mut NormalizedAdjacency::new(photos, &graph);
+    let known = Cut::Normalized.known_vector(&graph);
+    let cut = &mut CutMatrix::new(photos, &graph, Cut::Normalized);
 
     let start = without(&known, Start::default().vector(known.len()));
     let (as_they_are, noise) = projected_back(cut, &known, &start)?;
-    let mut process = Lanczos::new(&start, std::slice::from_ref(&known))?;
+    let mut process = Factorization::lanczos(&start, std::slice::from_ref(&known))?;
     let mut made_orthogonal = Vec::new();
     for _ in 0..PHOTOS {
         let mut photo = vec![0.0; known.len()];
         process.expand(cut)?;
         // The photo of the last pattern follows from the coefficients that the process keeps, without a product.
         let last = process.steps() - 1;
-        for (row, vector) in process.basis().iter().chain(process.expansion().waiting()).enumerate() {
-            add(&mut photo, process.expansion().entry(row, last), vector);
+        for (row, vector) in process.basis().iter().chain(process.waiting()).enumerate() {
+            add(&mut photo, process.entry(row, last), vector);
         }
         made_orthogonal.push(photo);
     }
@@ -95,10 +95,10 @@ fn second_eigenvalue(light: &mut dyn Operator) -> Result<f64> {
         count: 1,
         products: 300,
         tolerance: 1e-12,
-        deflate: vec![NormalizedAdjacency::known_vector(&graph)],
+        deflate: vec![Cut::Normalized.known_vector(&graph)],
         ..EigsOptions::default()
     };
-    let found = eigs(&mut NormalizedAdjacency::new(light, &graph), &options)?;
+    let found = eigs(&mut CutMatrix::new(light, &graph, Cut::Normalized), &options)?;
     Ok(found.values.first().copied().unwrap_or(f64::NAN))
 }
 
@@ -143,8 +143,8 @@ fn errors_by_power(pairs: &[[Vec<f64>; 2]], reference: f64) -> Result<Points> {
 }
 
 /// The same for the patterns of the Lanczos process.
-fn errors_by_lanczos(process: &Lanczos, reference: f64) -> Result<Points> {
-    let entry = |i: usize, j: usize| process.expansion().entry(i, j);
+fn errors_by_lanczos(process: &Factorization, reference: f64) -> Result<Points> {
+    let entry = |i: usize, j: usize| process.entry(i, j);
     let error = |steps: usize| {
         let row = |i: usize| (0..steps).map(|j| entry(i, j)).collect();
         let value = spectrum_of_rows(&(0..steps).map(row).collect::<Vec<_>>())?.values[0];
@@ -187,7 +187,7 @@ mod tests {
         let known: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == 0))).collect();
         let start = without(&known, vec![1.0; n]);
         let (pairs, noise) = projected_back(&mut light, &known, &start)?;
-        let mut process = Lanczos::new(&start, std::slice::from_ref(&known))?;
+        let mut process = Factorization::lanczos(&start, std::slice::from_ref(&known))?;
         for _ in 0..8 {
             process.expand(&mut light)?;
         }

@@ -8,7 +8,7 @@ use super::bench::{Bench, Set, Stage};
 use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, counted};
 use super::vectors::{Spectrum, overlap, product, spectrum, unit};
 use crate::error::Result;
-use crate::krylov::{EigsMethod, EigsOptions, Factorization, Lanczos, Start, Which, dot, eigs};
+use crate::krylov::{EigsMethod, EigsOptions, Factorization, Start, Which, dot, eigs};
 use crate::operator::{Adjoint, Operator, Recorded};
 use crate::transport::Part;
 
@@ -128,7 +128,7 @@ fn last(patterns: &[Vec<f64>]) -> &[f64] {
 
 /// One minus the overlap of the leading Ritz vector with the reference, after each photo from white.
 fn lanczos(operator: &mut dyn Operator, reference: &[f64]) -> Result<Vec<f64>> {
-    let mut process = Lanczos::new(&vec![1.0; operator.cols()], &[])?;
+    let mut process = Factorization::lanczos(&vec![1.0; operator.cols()], &[])?;
     let mut apart = Vec::new();
     for _ in 0..PHOTOS {
         process.expand(operator)?;

@@ -10,7 +10,7 @@ use super::contest::{TargetLight, percent};
 use super::figure::{Check, Figure, Plot, Points, Reproduced, counted};
 use super::vectors::{Spectrum, add, minus, product, spectrum, spectrum_of_rows};
 use crate::error::Result;
-use crate::krylov::{Factorization, Lanczos, dot, norm};
+use crate::krylov::{Factorization, dot, norm};
 use crate::lab::text::decimal;
 use crate::operator::Operator;
 use crate::transport::Part;
@@ -169,7 +169,7 @@ struct Run {
 impl Run {
     /// The process of this number of photos from `b`, read by a rig that gives `unit` for 1 W/(m² sr).
     fn of(operator: &mut dyn Operator, b: &[f64], (photos, unit): (usize, f64)) -> Result<Self> {
-        let mut process = Lanczos::new(b, &[])?;
+        let mut process = Factorization::lanczos(b, &[])?;
         for _ in 0..photos {
             process.expand(operator)?;
         }

@@ -10,9 +10,9 @@ use super::contest::{MethodRun, TargetLight, clamped, over_frames, percent};
 use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, counted, good_from};
 use super::vectors::{add, overlap, product, spectrum_of_rows, unit};
 use crate::analysis::low_rank::smooth_starts;
-use crate::analysis::segment::{Graph, NormalizedAdjacency};
+use crate::analysis::segment::{Cut, CutMatrix, Graph};
 use crate::error::Result;
-use crate::krylov::{Factorization, Lanczos, Method, Start, Which, dot, norm};
+use crate::krylov::{Factorization, Method, Start, Which, dot, norm};
 use crate::operator::{Adjoint, Operator, Recorded};
 use crate::transport::Part;
 
@@ -147,9 +147,9 @@ pub(super) fn lanczos(
     graph: &Graph,
     photos: usize,
 ) -> Result<Vec<(f64, Vec<f64>)>> {
-    let known = NormalizedAdjacency::known_vector(graph);
-    let mut process = Lanczos::new(&Start::default().vector(known.len()), &[known])?;
-    let mut cut = NormalizedAdjacency::new(global, graph);
+    let known = Cut::Normalized.known_vector(graph);
+    let mut process = Factorization::lanczos(&Start::default().vector(known.len()), &[known])?;
+    let mut cut = CutMatrix::new(global, graph, Cut::Normalized);
     let mut found = Vec::new();
     for photo in 1..=photos {
         process.expand(&mut cut)?;
@@ -165,8 +165,8 @@ pub(super) fn lanczos(
 
 /// The same by random patterns (on all pixels), after every two photos: the photo of a pattern, and the photo of its new basis vector.
 fn sketch(global: &mut dyn Operator, graph: &Graph, patterns: &[Vec<f64>]) -> Result<Vec<(f64, Vec<f64>)>> {
-    let known = unit(NormalizedAdjacency::known_vector(graph));
-    let mut cut = NormalizedAdjacency::new(global, graph);
+    let known = unit(Cut::Normalized.known_vector(graph));
+    let mut cut = CutMatrix::new(global, graph, Cut::Normalized);
     // The vectors of an orthonormal basis. Each has no image at first; its photo is taken once the vector is made.
     let mut basis = vec![[known, Vec::new()]];
     let mut products: Vec<Vec<f64>> = Vec::new();

@@ -1,7 +1,7 @@
 //! Frames are rasters of a projector's levels or of a camera's counts. The properties of both devices are here too.
 
 use crate::error::{Error, Result};
-use crate::image::Resolution;
+use crate::image::{Resolution, percentile};
 
 /// A frame for a projector: a level from 0 to `2^bits − 1` for each pixel and channel, interleaved row by row from the top left as in
 /// [`crate::image::Image`].
@@ -66,6 +66,16 @@ impl RawFrame {
     /// Checks that there is one count for each pixel and channel. Otherwise it returns [`Error::Dimension`].
     pub fn check(&self) -> Result<()> {
         check(self.resolution, self.channels, self.counts.len(), "counts of a camera's frame")
+    }
+
+    /// The mean count.
+    pub fn mean(&self) -> f64 {
+        self.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / self.counts.len() as f64
+    }
+
+    /// The count at the quantile `rank`, from 0 to 1, of all counts; 0 without counts.
+    pub fn percentile(&self, rank: f64) -> f64 {
+        percentile(self.counts.iter().map(|&count| count.into()), rank)
     }
 }
 

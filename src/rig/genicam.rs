@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::machine;
 
 /// The transport layer of a camera: GigE Vision or USB3 Vision.
-pub trait Transport: Send {
+pub trait TransportLayer: Send {
     /// The access to the camera's registers.
     type Registers: RegisterIo + Send;
     /// The stream of frames.
@@ -48,12 +48,12 @@ pub trait Transport: Send {
 }
 
 /// An open camera that is set up and waits for its trigger. Dropping it stops and releases the camera.
-struct Link<T: Transport> {
+struct Link<T: TransportLayer> {
     camera: Described<T::Registers>,
     stream: T::Stream,
 }
 
-impl<T: Transport> Link<T> {
+impl<T: TransportLayer> Link<T> {
     fn open(transport: &T, spec: &GenicamSpec) -> Result<Self> {
         let place = transport.place();
         // The protocol's library needs a thread, and would end the program without one.
@@ -69,7 +69,7 @@ impl<T: Transport> Link<T> {
     }
 }
 
-impl<T: Transport> Drop for Link<T> {
+impl<T: TransportLayer> Drop for Link<T> {
     fn drop(&mut self) {
         // A camera that no longer answers stops without this request.
         let _ = self.camera.acquisition_stop();
@@ -77,7 +77,7 @@ impl<T: Transport> Drop for Link<T> {
 }
 
 /// A camera that is triggered by software.
-pub struct Triggered<T: Transport> {
+pub struct Triggered<T: TransportLayer> {
     info: CameraInfo,
     transport: T,
     spec: GenicamSpec,
@@ -91,7 +91,7 @@ pub struct Triggered<T: Transport> {
     losses: Losses,
 }
 
-impl<T: Transport> Triggered<T> {
+impl<T: TransportLayer> Triggered<T> {
     /// Opens the camera. Its frames have times of `clock`, and numbers from `after + 1`.
     pub(crate) fn start(transport: T, spec: &GenicamSpec, clock: WallClock, after: u64) -> Result<Self> {
         let mut camera = Self {
@@ -194,7 +194,7 @@ impl<T: Transport> Triggered<T> {
     }
 }
 
-impl<T: Transport> Camera for Triggered<T> {
+impl<T: TransportLayer> Camera for Triggered<T> {
     fn info(&self) -> &CameraInfo {
         &self.info
     }
@@ -348,22 +348,23 @@ fn frequency<T: RegisterIo>(camera: &Described<T>) -> Option<f64> {
 /// usual step of a tenth, with a margin.
 const GAIN_TOLERANCE: f64 = 0.06;
 
+/// The features that are switched off: automatic ones, and gamma and look-up tables, which make counts nonlinear.
+const SWITCHED_OFF: [(&str, &str); 5] = [
+    ("ExposureAuto", "Off"),
+    ("GainAuto", "Off"),
+    ("BalanceWhiteAuto", "Off"),
+    ("GammaEnable", "false"),
+    ("LUTEnable", "false"),
+];
+
 /// Sets an open camera up. `place` is the camera's place in errors.
 fn set_up<T: RegisterIo>(camera: &mut Described<T>, spec: &GenicamSpec, place: &str) -> Result<()> {
     let failed = |doing: &str, why: &GenicamError| said(place, doing, why);
     // A session that ended abruptly leaves the acquisition running.
     let _ = camera.acquisition_stop();
-    for automatic in ["ExposureAuto", "GainAuto", "BalanceWhiteAuto"] {
-        if camera.get_enum(automatic).is_ok_and(|value| value != "Off") {
-            camera
-                .set_enum(automatic, "Off")
-                .map_err(|why| failed(&format!("switch {automatic} off"), &why))?;
-        }
-    }
-    // Gamma and look-up tables make counts nonlinear.
-    for bent in ["GammaEnable", "LUTEnable"] {
-        if camera.get_bool(bent).is_ok_and(|value| value) {
-            camera.set_bool(bent, false).map_err(|why| failed(&format!("switch {bent} off"), &why))?;
+    for (name, off) in SWITCHED_OFF {
+        if camera.get(name).is_ok_and(|value| value != off) {
+            camera.set(name, off).map_err(|why| failed(&format!("switch {name} off"), &why))?;
         }
     }
     set_format(camera, spec, place)?;

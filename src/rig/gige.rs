@@ -10,7 +10,7 @@ use viva_genicam::{
     Access, Camera as Described, Frame, FrameStream, GenicamError, GigeRegisterIo, StreamOptions, blocking,
 };
 
-use super::genicam::{Transport, Triggered, said};
+use super::genicam::{TransportLayer, Triggered, said};
 use super::hardware::{causes, in_use};
 use super::{Abilities, AttachedCamera, CameraKind, GenicamSpec, Losses, WallClock, camera_fault};
 use crate::error::{Error, Result};
@@ -46,7 +46,7 @@ pub struct OnNetwork {
     packet_size: Option<u32>,
 }
 
-impl Transport for OnNetwork {
+impl TransportLayer for OnNetwork {
     type Registers = GigeRegisterIo;
     type Stream = FrameStream;
 

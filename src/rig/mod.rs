@@ -18,7 +18,6 @@
 //! | `V4l`, behind Linux's video interface | the feature `v4l` |
 //! | [`Gphoto2`], a still camera | the programs `gphoto2` and `dcraw` (or another RAW decoder) |
 
-mod abilities;
 mod attached;
 mod cameras;
 mod devices;
@@ -30,7 +29,6 @@ mod gige;
 mod gphoto2;
 mod hardware;
 mod pixel_format;
-mod program;
 pub(crate) mod sensor;
 #[cfg(feature = "usb3")]
 mod usb3;
@@ -41,18 +39,16 @@ mod v4l_set_up;
 mod virtual_bench;
 mod x11;
 
-pub use abilities::Abilities;
-pub use attached::{AttachedCamera, AttachedDevices};
+pub use attached::{Abilities, AttachedCamera, AttachedDevices};
 pub use cameras::{CameraKind, CameraSpec, GenicamSpec, V4lFormat, V4lSpec};
 pub use devices::{Camera, Clock, Devices, Losses, Projector, Shown, Stamp, Waited, WallClock};
 pub use frame::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 #[cfg(feature = "gige")]
 pub use gige::{GigeVision, gige_camera_abilities};
 pub use gphoto2::{Gphoto2, Gphoto2Spec};
-pub use hardware::HardwareRig;
+pub use hardware::{DeviceOpener, HardwareRig, ProgramCamera, ProgramProjector, ProgramRig};
 pub use pixel_format::PixelFormat;
-pub use program::{DeviceOpener, ProgramCamera, ProgramProjector, ProgramRig};
-pub use sensor::{Binning, Colour, Tiles};
+pub use sensor::{Colour, Tiles};
 #[cfg(feature = "usb3")]
 pub use usb3::{Usb3Vision, usb_camera_abilities};
 #[cfg(feature = "v4l")]

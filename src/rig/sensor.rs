@@ -35,23 +35,6 @@ pub enum Colour {
     Green,
 }
 
-/// The conversion of a colour sensor's cells to pixels.
-///
-/// A pixel is a sum, not a mean, so that nothing is lost by rounding. A sum of more than 16 bits is halved or quartered, and rounded. If
-/// one photosite of a cell is saturated, all channels get the highest count, because the excess light may have spilled over to the
-/// neighbours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Binning {
-    /// The colour filters.
-    pub tiles: Tiles,
-    /// The channels of a pixel.
-    pub colour: Colour,
-    /// Bits of a photosite's count, 8 to 16.
-    pub bits: u32,
-    /// The count from which a photosite is saturated.
-    pub full: u16,
-}
-
 impl Tiles {
     /// All cells.
     pub(crate) const ALL: [Self; 4] = [Self::Rggb, Self::Grbg, Self::Gbrg, Self::Bggr];
@@ -93,47 +76,6 @@ impl Colour {
     }
 }
 
-impl Binning {
-    /// Bits of a pixel's count.
-    pub fn bits(&self) -> u32 {
-        (self.bits + self.colour.more_bits()).min(16)
-    }
-
-    /// The size in pixels of a mosaic with this size in photosites. The last row or column is dropped if the size is odd.
-    pub fn resolution(&self, mosaic: Resolution) -> Resolution {
-        Resolution::new(mosaic.width / 2, mosaic.height / 2)
-    }
-
-    /// Converts the counts of the photosites of `mosaic` to pixels, row by row with interleaved channels.
-    pub fn bin(&self, mosaic: Resolution, counts: &[u16]) -> Vec<u16> {
-        debug_assert_eq!(counts.len(), mosaic.pixels());
-        let size = self.resolution(mosaic);
-        let full = ((1_u32 << self.bits()) - 1) as u16;
-        let shift = self.bits + self.colour.more_bits() - self.bits();
-        let half = (1_u32 << shift) / 2;
-        // The highest count is reserved for saturated cells.
-        let scaled = |sum: u32| (((sum + half) >> shift) as u16).min(full - 1);
-        let mut pixels = Vec::with_capacity(size.pixels() * self.colour.channels());
-        for y in 0..size.height {
-            let (above, below) = (2 * y * mosaic.width, (2 * y + 1) * mosaic.width);
-            for x in (0..2 * size.width).step_by(2) {
-                let cell = [above + x, above + x + 1, below + x, below + x + 1].map(|at| counts[at]);
-                if cell.iter().any(|&count| count >= self.full) {
-                    pixels.extend(std::iter::repeat_n(full, self.colour.channels()));
-                    continue;
-                }
-                let [red, green, other, blue] = self.tiles.cell().1.map(|place| u32::from(cell[place]));
-                match self.colour {
-                    Colour::Rgb => pixels.extend([2 * red, green + other, 2 * blue].map(scaled)),
-                    Colour::Luma => pixels.push(scaled(red + green + other + blue)),
-                    Colour::Green => pixels.push(scaled(green + other)),
-                }
-            }
-        }
-        pixels
-    }
-}
-
 /// The description of a camera's sensor in a rig file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sensor {
@@ -160,22 +102,24 @@ impl Sensor {
         if let Some(full) = self.saturation {
             name.push_str(&format!(" full at {full}"));
         }
-        let (raster, binning) = (self.raster(), self.binning());
         CameraInfo {
             name,
-            resolution: binning.map_or(raster, |binning| binning.resolution(raster)),
-            channels: binning.map_or(1, |binning| binning.colour.channels()),
-            bits: binning.map_or(self.bits, |binning| binning.bits()),
+            resolution: self.resolution(),
+            channels: self.tiles.map_or(1, |_| self.colour.channels()),
+            bits: self.pixel_bits(),
             exposures,
         }
     }
 
-    fn raster(&self) -> Resolution {
-        Resolution::new(self.size[0], self.size[1])
+    /// The size in pixels. The last row or column of a colour sensor is dropped if its size is odd.
+    fn resolution(&self) -> Resolution {
+        let cell = if self.tiles.is_some() { 2 } else { 1 };
+        Resolution::new(self.size[0] / cell, self.size[1] / cell)
     }
 
-    fn binning(&self) -> Option<Binning> {
-        self.tiles.map(|tiles| Binning { tiles, colour: self.colour, bits: self.bits, full: self.full() })
+    /// Bits of a pixel's count.
+    fn pixel_bits(&self) -> u32 {
+        self.tiles.map_or(self.bits, |_| (self.bits + self.colour.more_bits()).min(16))
     }
 
     fn full(&self) -> u16 {
@@ -186,14 +130,43 @@ impl Sensor {
         ((1_u32 << self.bits) - 1) as u16
     }
 
-    /// Converts the counts of all photosites to pixels of the camera from [`Self::info`]. Saturated pixels get the highest count.
+    /// Converts the counts of all photosites to pixels of the camera from [`Self::info`], row by row with interleaved channels. Saturated
+    /// pixels get the highest count.
+    ///
+    /// A pixel of a colour sensor is a sum over a cell, not a mean, so that nothing is lost by rounding. A sum of more than 16 bits is
+    /// halved or quartered, and rounded. If one photosite of a cell is saturated, all channels get the highest count, because the excess
+    /// light may have spilled over to the neighbours.
     pub(crate) fn pixels(&self, mut counts: Vec<u16>) -> Vec<u16> {
-        if let Some(binning) = self.binning() {
-            return binning.bin(self.raster(), &counts);
+        let Some(tiles) = self.tiles else {
+            let (full, highest) = (self.full(), self.highest());
+            counts.iter_mut().filter(|count| **count >= full).for_each(|count| *count = highest);
+            return counts;
+        };
+        debug_assert_eq!(counts.len(), self.size[0] * self.size[1]);
+        let (size, width) = (self.resolution(), self.size[0]);
+        let full = ((1_u32 << self.pixel_bits()) - 1) as u16;
+        let shift = self.bits + self.colour.more_bits() - self.pixel_bits();
+        let half = (1_u32 << shift) / 2;
+        // The highest count is reserved for saturated cells.
+        let scaled = |sum: u32| (((sum + half) >> shift) as u16).min(full - 1);
+        let mut pixels = Vec::with_capacity(size.pixels() * self.colour.channels());
+        for y in 0..size.height {
+            let (above, below) = (2 * y * width, (2 * y + 1) * width);
+            for x in (0..2 * size.width).step_by(2) {
+                let cell = [above + x, above + x + 1, below + x, below + x + 1].map(|at| counts[at]);
+                if cell.iter().any(|&count| count >= self.full()) {
+                    pixels.extend(std::iter::repeat_n(full, self.colour.channels()));
+                    continue;
+                }
+                let [red, green, other, blue] = tiles.cell().1.map(|place| u32::from(cell[place]));
+                match self.colour {
+                    Colour::Rgb => pixels.extend([2 * red, green + other, 2 * blue].map(scaled)),
+                    Colour::Luma => pixels.push(scaled(red + green + other + blue)),
+                    Colour::Green => pixels.push(scaled(green + other)),
+                }
+            }
         }
-        let (full, highest) = (self.full(), self.highest());
-        counts.iter_mut().filter(|count| **count >= full).for_each(|count| *count = highest);
-        counts
+        pixels
     }
 
     /// Finds a contradiction in the description, and returns the fault and the remedy. `None`: there is no contradiction.
@@ -238,11 +211,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn binning(tiles: Tiles, colour: Colour, bits: u32) -> Binning {
-        Binning { tiles, colour, bits, full: ((1_u32 << bits) - 1) as u16 }
+    /// A sensor of one cell.
+    fn binning(tiles: Tiles, colour: Colour, bits: u32) -> Sensor {
+        Sensor { size: [2, 2], offset: [0, 0], bits, tiles: Some(tiles), colour, saturation: None }
     }
-
-    const CELL: Resolution = Resolution { width: 2, height: 2 };
 
     #[test]
     fn each_channel_is_taken_from_the_photosites_of_its_colour() {
@@ -258,19 +230,18 @@ mod tests {
                     _ => greens.next().expect("a cell has two greens"),
                 })
                 .collect();
-            assert_eq!(binning(tiles, Colour::Rgb, 12).bin(CELL, &cell), [200, 16, 2000], "{tiles:?}");
-            assert_eq!(binning(tiles, Colour::Luma, 12).bin(CELL, &cell), [1116], "{tiles:?}");
-            assert_eq!(binning(tiles, Colour::Green, 12).bin(CELL, &cell), [16], "{tiles:?}");
+            assert_eq!(binning(tiles, Colour::Rgb, 12).pixels(cell.clone()), [200, 16, 2000], "{tiles:?}");
+            assert_eq!(binning(tiles, Colour::Luma, 12).pixels(cell.clone()), [1116], "{tiles:?}");
+            assert_eq!(binning(tiles, Colour::Green, 12).pixels(cell.clone()), [16], "{tiles:?}");
         }
     }
 
     #[test]
     fn cells_keep_their_position_and_odd_edges_are_dropped() {
-        let mosaic = Resolution::new(5, 3);
         let counts: Vec<u16> = (0..15).collect();
-        let of = binning(Tiles::Rggb, Colour::Luma, 12);
-        assert_eq!(of.resolution(mosaic), Resolution::new(2, 1));
-        assert_eq!(of.bin(mosaic, &counts), [1 + 5 + 6, 2 + 3 + 7 + 8]);
+        let of = Sensor { size: [5, 3], ..binning(Tiles::Rggb, Colour::Luma, 12) };
+        assert_eq!(of.resolution(), Resolution::new(2, 1));
+        assert_eq!(of.pixels(counts), [1 + 5 + 6, 2 + 3 + 7 + 8]);
     }
 
     #[test]
@@ -279,22 +250,22 @@ mod tests {
             for colour in [Colour::Rgb, Colour::Luma, Colour::Green] {
                 for bits in [8, 12, 14, 16] {
                     let of = binning(tiles, colour, bits);
-                    let top = ((1_u32 << of.bits()) - 1) as u16;
+                    let top = ((1_u32 << of.pixel_bits()) - 1) as u16;
                     for place in 0..4 {
                         let mut cell = [0; 4];
-                        cell[place] = of.full;
-                        let pixel = of.bin(CELL, &cell);
+                        cell[place] = of.full();
+                        let pixel = of.pixels(cell.to_vec());
                         assert!(pixel.iter().all(|&count| count == top), "{of:?}: {pixel:?}");
                     }
                     // A bright cell without a saturated photosite stays below the highest count.
-                    let bright = of.bin(CELL, &[of.full - 1; 4]);
+                    let bright = of.pixels(vec![of.full() - 1; 4]);
                     assert!(bright.iter().all(|&count| count < top), "{of:?}: {bright:?}");
                 }
             }
         }
-        let early = Binning { full: 3000, ..binning(Tiles::Rggb, Colour::Rgb, 12) };
-        assert_eq!(early.bin(CELL, &[3000, 0, 0, 0]), [8191; 3]);
-        assert_eq!(early.bin(CELL, &[2999, 0, 0, 0]), [5998, 0, 0]);
+        let early = Sensor { saturation: Some(3000), ..binning(Tiles::Rggb, Colour::Rgb, 12) };
+        assert_eq!(early.pixels(vec![3000, 0, 0, 0]), [8191; 3]);
+        assert_eq!(early.pixels(vec![2999, 0, 0, 0]), [5998, 0, 0]);
     }
 
     proptest! {
@@ -303,15 +274,15 @@ mod tests {
             counts in prop::collection::vec(0_u16..16383, 24),
             changed in 0_usize..24,
         ) {
-            let (mosaic, of) = (Resolution::new(6, 4), binning(Tiles::Gbrg, Colour::Luma, 14));
-            let before = of.bin(mosaic, &counts);
+            let of = Sensor { size: [6, 4], ..binning(Tiles::Gbrg, Colour::Luma, 14) };
+            let before = of.pixels(counts.clone());
             prop_assert_eq!(
                 before.iter().map(|&count| u64::from(count)).sum::<u64>(),
                 counts.iter().map(|&count| u64::from(count)).sum::<u64>()
             );
             let mut other = counts.clone();
             other[changed] = 16382 - other[changed];
-            let after = of.bin(mosaic, &other);
+            let after = of.pixels(other);
             let cell = changed / 6 / 2 * 3 + changed % 6 / 2;
             for (pixel, (before, after)) in before.iter().zip(&after).enumerate() {
                 prop_assert!(pixel == cell || before == after);

@@ -10,7 +10,7 @@ use serde_json::json;
 use viva_genicam::u3v::{NusbTransfer, U3vDeviceInfo, U3vStreamOptions, UsbTransfer, discover};
 use viva_genicam::{Camera as Described, Frame, GenicamError, U3vFrameStream, U3vRegisterIo, connect_u3v};
 
-use super::genicam::{Transport, Triggered};
+use super::genicam::{TransportLayer, Triggered};
 use super::hardware::{in_use, is_busy};
 use super::{Abilities, AttachedCamera, CameraKind, GenicamSpec, Losses, WallClock, camera_fault};
 use crate::error::{Error, Result};
@@ -31,7 +31,7 @@ impl Usb3Vision {
 /// The USB3 Vision protocol over a real or simulated port.
 pub struct OnUsb<P>(pub(crate) P);
 
-impl<P: Port> Transport for OnUsb<P> {
+impl<P: Port> TransportLayer for OnUsb<P> {
     type Registers = U3vRegisterIo<P::Wire>;
     type Stream = U3vFrameStream;
 

@@ -14,7 +14,7 @@ use v4l::{Device, Format, FourCC};
 
 use super::cameras::{CameraKind, V4lFormat, V4lSpec};
 use super::hardware::{in_use, is_busy};
-use super::v4l_set_up::{Layout, VideoDevice, counts, set_exposure, set_up};
+use super::v4l_set_up::{FrameLayout, VideoDevice, counts, set_exposure, set_up};
 use super::{AttachedCamera, Camera, CameraInfo, RawFrame, WallClock, camera_fault};
 use crate::error::Result;
 
@@ -27,7 +27,7 @@ pub struct V4l {
     spec: V4lSpec,
     clock: WallClock,
     device: Device,
-    layout: Layout,
+    layout: FrameLayout,
     /// The stream of frames. `None`: it has not been started, or an error has ended it.
     stream: Option<Stream<'static>>,
     /// The requested exposure, and the exposure that was set, in seconds.
@@ -72,12 +72,12 @@ impl V4l {
             return Ok(None);
         }
         let bytes = bytes.get(..about.bytesused as usize).unwrap_or(bytes);
-        let Layout { size, stride, .. } = self.layout;
+        let FrameLayout { size, stride, .. } = self.layout;
         Ok(counts(self.spec.pixel_format, size, stride, bytes))
     }
 }
 
-fn ready(spec: &V4lSpec) -> Result<(Device, Layout)> {
+fn ready(spec: &V4lSpec) -> Result<(Device, FrameLayout)> {
     let mut device = Device::with_path(&spec.device).map_err(|why| match is_busy(&why) {
         true => in_use(&spec.device),
         false => camera_fault(
@@ -169,10 +169,10 @@ impl VideoDevice for Device {
         &mut self,
         code: [u8; 4],
         [width, height]: [usize; 2],
-    ) -> std::result::Result<Layout, Refusal> {
+    ) -> std::result::Result<FrameLayout, Refusal> {
         let set = self.set_format(&Format::new(width as u32, height as u32, FourCC::new(&code)))?;
         let size = [set.width as usize, set.height as usize];
-        Ok(Layout { code: set.fourcc.repr, size, stride: set.stride as usize })
+        Ok(FrameLayout { code: set.fourcc.repr, size, stride: set.stride as usize })
     }
 
     fn control(&self, id: u32) -> std::result::Result<i64, Refusal> {

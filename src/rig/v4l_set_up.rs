@@ -10,7 +10,7 @@ use crate::error::Result;
 pub(crate) type Refusal = std::io::Error;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Layout {
+pub(crate) struct FrameLayout {
     pub(crate) code: [u8; 4],
     pub(crate) size: [usize; 2],
     pub(crate) stride: usize,
@@ -21,7 +21,7 @@ pub(crate) trait VideoDevice {
     fn formats(&self) -> std::result::Result<Vec<[u8; 4]>, Refusal>;
 
     /// Requests a format and a size, and returns the layout that was set.
-    fn set_layout(&mut self, code: [u8; 4], size: [usize; 2]) -> std::result::Result<Layout, Refusal>;
+    fn set_layout(&mut self, code: [u8; 4], size: [usize; 2]) -> std::result::Result<FrameLayout, Refusal>;
 
     /// Reads a control's value. A missing control is an error.
     fn control(&self, id: u32) -> std::result::Result<i64, Refusal>;
@@ -64,7 +64,7 @@ const PER_SECOND: f64 = 1e4;
 /// units, which also covers the rounding of drivers.
 const NEAR: f64 = 0.1;
 
-pub(crate) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Layout> {
+pub(crate) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<FrameLayout> {
     let layout = set_layout(device, spec)?;
     for (id, name, off) in AUTOMATIC {
         // An automatic control that the device does not have is off.
@@ -82,7 +82,7 @@ pub(crate) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<La
     Ok(layout)
 }
 
-fn set_layout(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Layout> {
+fn set_layout(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<FrameLayout> {
     let (code, name) = (spec.pixel_format.code(), &spec.device);
     let failed = |why: Refusal| match is_busy(&why) {
         true => in_use(name),
@@ -207,12 +207,16 @@ mod tests {
             Ok(self.formats.clone())
         }
 
-        fn set_layout(&mut self, code: [u8; 4], size: [usize; 2]) -> std::result::Result<Layout, Refusal> {
+        fn set_layout(
+            &mut self,
+            code: [u8; 4],
+            size: [usize; 2],
+        ) -> std::result::Result<FrameLayout, Refusal> {
             if self.is_busy {
                 return Err(ErrorKind::ResourceBusy.into());
             }
             let size = [size[0].min(self.most[0]), size[1].min(self.most[1])];
-            Ok(Layout { code, size, stride: 2 * size[0] })
+            Ok(FrameLayout { code, size, stride: 2 * size[0] })
         }
 
         fn control(&self, id: u32) -> std::result::Result<i64, Refusal> {
@@ -271,7 +275,7 @@ mod tests {
     fn automatics_are_switched_off_and_values_are_set() {
         let mut device = webcam();
         let layout = set_up(&mut device, &spec()).expect("it can do that");
-        assert_eq!(layout, Layout { code: *b"Y16 ", size: [640, 480], stride: 1280 });
+        assert_eq!(layout, FrameLayout { code: *b"Y16 ", size: [640, 480], stride: 1280 });
         let now = |id| device.control(id).expect("it has it");
         assert_eq!(
             [id::EXPOSURE_AUTO, id::AUTO_WHITE_BALANCE, id::BACKLIGHT, id::FOCUS_AUTO, id::GAIN].map(now),

@@ -1,5 +1,7 @@
 //! The view of the camera: the reasons for a black photo, found with a few rays, and the direct light that a scene's shape predicts.
 
+use std::collections::BTreeSet;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -36,24 +38,23 @@ enum Darkness {
 }
 
 impl Darkness {
-    /// A predicate for a sentence about a surface.
-    fn predicate(self) -> &'static str {
+    /// A predicate for a sentence about a surface, and advice.
+    fn words(self) -> [&'static str; 2] {
         match self {
-            Self::Back => "is seen from its back, which is black",
-            Self::Black => "has a colour of 0, which is black",
-            Self::Absent => "has an opacity of 0",
-            Self::Mirror => {
-                "is a smooth mirror or clear glass, which sends light back only where it faces the camera"
+            Self::Back => [
+                "is seen from its back, which is black",
+                "turn the faces around, or make the materials double-sided",
+            ],
+            Self::Black => {
+                ["has a colour of 0, which is black", "give the material a colour (Kd, baseColorFactor)"]
             }
-        }
-    }
-
-    fn advice(self) -> &'static str {
-        match self {
-            Self::Back => "turn the faces around, or make the materials double-sided",
-            Self::Black => "give the material a colour (Kd, baseColorFactor)",
-            Self::Absent => "raise the material's opacity (d, the alpha of baseColorFactor)",
-            Self::Mirror => "make it rougher, or put something around it that it mirrors",
+            Self::Absent => {
+                ["has an opacity of 0", "raise the material's opacity (d, the alpha of baseColorFactor)"]
+            }
+            Self::Mirror => [
+                "is a smooth mirror or clear glass, which sends light back only where it faces the camera",
+                "make it rougher, or put something around it that it mirrors",
+            ],
         }
     }
 }
@@ -62,28 +63,24 @@ impl Darkness {
 pub fn reason_for_darkness(scene: &Scene, resolution: Resolution) -> Option<String> {
     let side = (MAX_INTERSECTIONS / scene.triangles.len().max(1)).isqrt().clamp(4, MAX_SIDE);
     let camera = &scene.camera;
+    let (width, height) = (resolution.width as f32, resolution.height as f32);
     let rays: Vec<Vec3> = (0..side * side)
         .map(|at| {
             let [x, y] = [at % side, at / side].map(|at| (at as f32 + 0.5) / side as f32);
-            let (width, height) = (resolution.width as f32, resolution.height as f32);
             camera.ray_direction(x * width, y * height, resolution).normalize()
         })
         .collect();
+    // So few rays are tested against all triangles: a tree would take longer to build.
     let hits: Vec<Hit> = rays.par_iter().filter_map(|&ray| first_hit(scene, camera, ray)).collect();
     if hits.is_empty() {
         return nothing_in_view(scene, resolution, rays.len());
     }
-    let mut seen: Vec<(u32, bool)> = hits.iter().map(|hit| (hit.material, hit.is_front)).collect();
-    seen.sort();
-    seen.dedup();
+    let seen: BTreeSet<(u32, bool)> = hits.iter().map(|hit| (hit.material, hit.is_front)).collect();
     let reasons = seen.into_iter().map(|(material, is_front)| darkness(scene, material, is_front));
-    if let Some(mut reasons) = reasons.collect::<Option<Vec<Darkness>>>() {
-        reasons.sort();
-        reasons.dedup();
-        let words =
-            |of: fn(Darkness) -> &'static str| reasons.iter().map(|&reason| of(reason)).collect::<Vec<_>>();
-        let predicates = words(Darkness::predicate).join(", or ");
-        let advice = words(Darkness::advice).join("; ");
+    if let Some(reasons) = reasons.collect::<Option<BTreeSet<Darkness>>>() {
+        let [predicates, advice] = [(0, ", or "), (1, "; ")].map(|(at, separator)| {
+            reasons.iter().map(|of| of.words()[at]).collect::<Vec<_>>().join(separator)
+        });
         return Some(format!("every surface in view {predicates}: {advice}"));
     }
     far_away(hits.iter().map(|hit| hit.distance).collect())
@@ -156,14 +153,11 @@ fn darkness(scene: &Scene, material: u32, is_front: bool) -> Option<Darkness> {
 }
 
 fn first_hit(scene: &Scene, camera: &Camera, ray: Vec3) -> Option<Hit> {
-    let nearest = |best: Option<Hit>, triangle: &Triangle| match intersection(triangle, camera.position, ray)
-    {
-        Some((distance, is_front, _)) if best.is_none_or(|best| distance < best.distance) => {
-            Some(Hit { distance, material: triangle.material, is_front })
-        }
-        _ => best,
-    };
-    scene.triangles.iter().fold(None, nearest)
+    let hits = scene.triangles.iter().filter_map(|triangle| {
+        let (distance, is_front, _) = intersection(triangle, camera.position, ray)?;
+        Some(Hit { distance, material: triangle.material, is_front })
+    });
+    hits.min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
 /// The distance at which a ray of unit length meets a triangle, whether it meets the front, and the barycentric weights of the second and

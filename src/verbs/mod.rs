@@ -6,6 +6,7 @@
 
 pub mod compensate;
 pub mod eigs;
+pub mod matrix;
 pub mod options;
 pub mod pattern;
 pub mod plan;

@@ -6,8 +6,7 @@ use std::ops::ControlFlow;
 use faer::{Mat, Side};
 use krylux::analysis::segment::segment;
 use krylux::analysis::{
-    Capture, Cut, Graph, MASKED, NegativeLaplacian, NormalizedAdjacency, SegmentOptions, Segmentation,
-    adjusted_rand_index,
+    Capture, Cut, CutMatrix, Graph, MASKED, SegmentOptions, Segmentation, adjusted_rand_index,
 };
 use krylux::krylov::dot;
 use krylux::observer::{OnStep, Step};
@@ -208,8 +207,8 @@ fn wrapped_operators_equal_their_dense_matrices() {
         .collect();
     let mut copy = scene.clone();
     for (dense, operator) in [
-        (normalized, &mut NormalizedAdjacency::new(&mut copy, &graph) as &mut dyn Operator),
-        (laplacian, &mut NegativeLaplacian::new(&mut scene, &graph)),
+        (normalized, &mut CutMatrix::new(&mut copy, &graph, Cut::Normalized) as &mut dyn Operator),
+        (laplacian, &mut CutMatrix::new(&mut scene, &graph, Cut::Average)),
     ] {
         for column in 0..21 {
             let mut unit = vec![0.0; 21];
@@ -248,13 +247,13 @@ fn residual_of_the_known_vector_is_within_its_bound_where_the_degree_lacks_a_pho
         let rest: Vec<f64> = product.iter().zip(&known).map(|(p, k)| p - value * k).collect();
         (dot(&rest, &rest) / dot(&known, &known)).sqrt()
     };
-    let normalized = NormalizedAdjacency::known_vector(&graph);
-    let truth = residual(&mut NormalizedAdjacency::new(&mut scene, &graph), normalized, 1.0);
-    assert!(truth > 0.01 && truth <= NormalizedAdjacency::known_residual(&graph), "{truth}");
-    let average = NegativeLaplacian::known_vector(&graph);
-    let truth = residual(&mut NegativeLaplacian::new(&mut scene, &graph), average, 0.0);
+    let normalized = Cut::Normalized.known_vector(&graph);
+    let truth = residual(&mut CutMatrix::new(&mut scene, &graph, Cut::Normalized), normalized, 1.0);
+    assert!(truth > 0.01 && truth <= Cut::Normalized.known_residual(&graph), "{truth}");
+    let average = Cut::Average.known_vector(&graph);
+    let truth = residual(&mut CutMatrix::new(&mut scene, &graph, Cut::Average), average, 0.0);
     // Here the bound is attained, up to rounding.
-    assert!(truth > 0.01 && truth <= NegativeLaplacian::known_residual(&graph) * (1.0 + 1e-12), "{truth}");
+    assert!(truth > 0.01 && truth <= Cut::Average.known_residual(&graph) * (1.0 + 1e-12), "{truth}");
 }
 
 #[test]

@@ -2,9 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
 use crate::krylov_support::{Dense, general_gallery, spread};
-use krylux::krylov::{
-    Arnoldi, EigsMethod, EigsOptions, Factorization, Lanczos, Start, Status, Step, Which, dot, eigs,
-};
+use krylux::krylov::{EigsMethod, EigsOptions, Factorization, Start, Status, Step, Which, dot, eigs};
 
 fn nearest(value: (f64, f64), truth: &[(f64, f64)]) -> f64 {
     truth.iter().map(|other| (other.0 - value.0).hypot(other.1 - value.1)).fold(f64::INFINITY, f64::min)
@@ -113,11 +111,11 @@ fn wanted_ends_of_the_spectrum_come_first_and_their_bounds_hold() {
 fn basis_is_orthonormal_and_carries_the_relation() {
     for (name, matrix) in general_gallery() {
         let n = matrix.n;
-        let mut arnoldi = Arnoldi::new(&Start::Gaussian { seed: 5 }.vector(n), &[]).unwrap();
+        let mut arnoldi = Factorization::arnoldi(&Start::Gaussian { seed: 5 }.vector(n), &[]).unwrap();
         while !arnoldi.is_exhausted() {
             arnoldi.expand(&mut matrix.clone()).unwrap();
         }
-        let state = arnoldi.expansion();
+        let state = &arnoldi;
         for (j, v) in state.basis().iter().enumerate() {
             let product: Vec<f64> = matrix.entries.chunks(n).map(|row| dot(row, v)).collect();
             for (i, u) in state.basis().iter().enumerate() {
@@ -150,7 +148,7 @@ fn breakdown_is_an_invariant_subspace_and_not_the_end() {
     let mut matrix = Dense::general(12, |i, j| f64::from(u8::from((j + 1) % 12 == i)));
     // Period three: A³ x = x.
     let start: Vec<f64> = (0..12).map(|i| f64::from(i % 3)).collect();
-    let mut arnoldi = Arnoldi::new(&start, &[]).unwrap();
+    let mut arnoldi = Factorization::arnoldi(&start, &[]).unwrap();
     let steps: Vec<Step> = (0..3).map(|_| arnoldi.expand(&mut matrix).unwrap()).collect();
     assert_eq!(steps, [Step::Extended, Step::Extended, Step::Invariant]);
     let found = arnoldi.ritz(Which::LargestImaginary, 3).unwrap();
@@ -169,7 +167,8 @@ fn breakdown_is_an_invariant_subspace_and_not_the_end() {
 fn on_a_symmetric_operator_it_is_lanczos() {
     let mut matrix = Dense::turned(&spread(80));
     let start = Start::default().vector(80);
-    let (mut arnoldi, mut lanczos) = (Arnoldi::new(&start, &[]).unwrap(), Lanczos::new(&start, &[]).unwrap());
+    let (mut arnoldi, mut lanczos) =
+        (Factorization::arnoldi(&start, &[]).unwrap(), Factorization::lanczos(&start, &[]).unwrap());
     for _ in 0..25 {
         arnoldi.expand(&mut matrix).unwrap();
         lanczos.expand(&mut matrix).unwrap();
@@ -221,7 +220,7 @@ fn deflation_takes_an_invariant_subspace_out_of_the_spectrum() {
 fn the_residual_norm_is_the_length_of_what_the_last_product_has_outside_the_basis() {
     let entries = [[2.0, 1.0, 0.0], [3.0, 0.0, 2.0], [0.0, 5.0, 1.0]];
     let mut matrix = Dense::general(3, |i, j| entries[i][j]);
-    let mut arnoldi = Arnoldi::new(&[1.0, 0.0, 0.0], &[]).unwrap();
+    let mut arnoldi = Factorization::arnoldi(&[1.0, 0.0, 0.0], &[]).unwrap();
     let mut norms = vec![arnoldi.residual_norm()];
     for _ in 0..2 {
         arnoldi.expand(&mut matrix).unwrap();

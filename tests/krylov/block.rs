@@ -3,9 +3,7 @@
 
 use crate::krylov_support::{Dense, spread};
 use krylux::Error;
-use krylux::krylov::{
-    BlockLanczos, EigsMethod, EigsOptions, Factorization, Lanczos, Start, Status, Step, Which, dot, eigs,
-};
+use krylux::krylov::{EigsMethod, EigsOptions, Factorization, Start, Status, Step, Which, dot, eigs};
 
 /// The normalized adjacency `D^-½ W D^-½` of regions that exchange no light, each of another structure: from a
 /// kernel that falls off with distance to nearly the same light everywhere. Also `D^½ 1`.
@@ -111,8 +109,8 @@ fn two_three_and_nine_regions_take_at_most_12_15_and_50_photos() {
 fn block_of_one_is_lanczos_to_the_bit() {
     let mut matrix = Dense::turned(&spread(100));
     let start = Start::default();
-    let mut single = Lanczos::new(&start.vector(100), &[]).unwrap();
-    let mut block = BlockLanczos::new(&start.block(100, 1), &[]).unwrap();
+    let mut single = Factorization::lanczos(&start.vector(100), &[]).unwrap();
+    let mut block = Factorization::block_lanczos(&start.block(100, 1), &[]).unwrap();
     for _ in 0..20 {
         assert_eq!(single.expand(&mut matrix).unwrap(), block.expand(&mut matrix).unwrap());
     }
@@ -127,10 +125,10 @@ fn block_of_one_is_lanczos_to_the_bit() {
 fn relation_between_basis_products_and_coefficients_holds_after_any_single_product() {
     let matrix = Dense::turned(&spread(80));
     let known = vec![Start::Gaussian { seed: 3 }.vector(80)];
-    let mut block = BlockLanczos::new(&Start::default().block(80, 4), &known).unwrap();
+    let mut block = Factorization::block_lanczos(&Start::default().block(80, 4), &known).unwrap();
     for step in 1..=30 {
         block.expand(&mut matrix.clone()).unwrap();
-        let state = block.expansion();
+        let state = &block;
         assert_eq!((state.steps(), state.pending(), state.products()), (step, 4, step));
         let all: Vec<&Vec<f64>> = state.basis().iter().chain(state.waiting()).collect();
         for (j, v) in state.basis().iter().enumerate() {
@@ -176,9 +174,9 @@ fn dependent_start_vectors_are_left_out() {
     let two = Start::Gaussian { seed: 2 }.vector(40);
     let sum: Vec<f64> = one.iter().zip(&two).map(|(a, b)| a - 3.0 * b).collect();
     let starts = [one.clone(), two.clone(), sum, vec![0.0; 40]];
-    let mut block = BlockLanczos::new(&starts, &[]).unwrap();
-    assert_eq!((block.block(), block.expansion().pending()), (4, 2));
-    let mut clean = BlockLanczos::new(&[one, two], &[]).unwrap();
+    let mut block = Factorization::block_lanczos(&starts, &[]).unwrap();
+    assert_eq!((block.block(), block.pending()), (4, 2));
+    let mut clean = Factorization::block_lanczos(&[one, two], &[]).unwrap();
     for _ in 0..10 {
         assert_eq!(block.expand(&mut matrix).unwrap(), Step::Extended);
         clean.expand(&mut matrix).unwrap();
@@ -194,7 +192,7 @@ fn block_gets_narrower_as_directions_run_out_and_starts_afresh_from_an_invariant
     let mut matrix = Dense::diagonal(&[3.0, 2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 0.5]);
     // Within the span of e1 and e2, and of e4: A keeps both spaces.
     let starts = [vec![1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]];
-    let mut block = BlockLanczos::new(&starts, &[]).unwrap();
+    let mut block = Factorization::block_lanczos(&starts, &[]).unwrap();
     let mut steps = Vec::new();
     while !block.is_exhausted() {
         steps.push(block.expand(&mut matrix).unwrap());
@@ -226,7 +224,7 @@ fn failed_product_within_a_block_resumes_to_the_same_bits() {
     let matrix = Dense::turned(&spread(120));
     let run = |faults: &[usize]| {
         let mut matrix = matrix.clone();
-        let mut block = BlockLanczos::new(&Start::default().block(120, 3), &[]).unwrap();
+        let mut block = Factorization::block_lanczos(&Start::default().block(120, 3), &[]).unwrap();
         let mut failed = 0;
         while block.products() < 25 {
             matrix.fail_at = faults.get(failed).copied();
@@ -249,8 +247,8 @@ fn vectors_added_later_find_further_copies_of_an_eigenvalue() {
     values[..copies].fill(3.0);
     let mut matrix = Dense::turned(&values);
     let starts = Start::Random { seed: 5 }.block(120, copies);
-    let mut lanczos = BlockLanczos::new(&starts[..1], &[]).unwrap();
-    let found = |lanczos: &BlockLanczos| {
+    let mut lanczos = Factorization::block_lanczos(&starts[..1], &[]).unwrap();
+    let found = |lanczos: &Factorization| {
         let pairs = lanczos.ritz(Which::LargestAlgebraic, copies).unwrap();
         pairs.iter().filter(|pair| (pair.value - 3.0).abs() < 1e-8).count()
     };

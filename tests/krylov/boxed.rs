@@ -311,10 +311,10 @@ fn failed_product_is_taken_again_to_the_same_bits() {
             let mut failing = matrix.clone();
             failing.fail_at = Some(fault);
             let mut solver = facts.method.solver(N, &b, &options).unwrap();
-            let error = solve_from(solver.as_mut(), &mut failing, &options).unwrap_err();
+            let error = solve_from(&mut solver, &mut failing, &options).unwrap_err();
             assert!(matches!(error, Error::Interrupted));
             assert_eq!(solver.tally().products, fault - 1, "{}", facts.name);
-            let resumed = solve_from(solver.as_mut(), &mut failing, &options).unwrap();
+            let resumed = solve_from(&mut solver, &mut failing, &options).unwrap();
             assert_eq!(resumed.x, whole.x, "{}, product {fault}", facts.name);
             assert_eq!(resumed.history, whole.history[fault - 1..], "{}, product {fault}", facts.name);
         }

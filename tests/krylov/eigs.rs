@@ -4,7 +4,7 @@
 use crate::krylov_support::{Dense, Noisy, spread, symmetric_gallery};
 use krylux::Error;
 use krylux::krylov::{
-    Eigs, EigsMethod, EigsOptions, Factorization, Lanczos, PairStatus, Start, Status, Which, eigs, eigs_from,
+    Eigs, EigsMethod, EigsOptions, Factorization, PairStatus, Start, Status, Which, eigs, eigs_from,
 };
 
 fn solve(matrix: &mut Dense, options: &EigsOptions) -> Eigs {
@@ -211,15 +211,15 @@ fn thick_restart_keeps_the_memory_and_reaches_the_same_eigenvalues() {
 #[test]
 fn restarts_never_hold_more_vectors_than_allowed_and_stay_orthonormal() {
     let mut matrix = Dense::turned(&spread(200));
-    let mut lanczos = Lanczos::new(&Start::default().vector(200), &[]).unwrap();
+    let mut lanczos = Factorization::lanczos(&Start::default().vector(200), &[]).unwrap();
     for products in 1..60 {
         let options =
             EigsOptions { count: 3, products, tolerance: 0.0, max_basis: Some(12), ..EigsOptions::default() };
         eigs_from(&mut lanczos, &mut matrix, &options).unwrap();
-        assert!(lanczos.steps() + lanczos.expansion().pending() <= 12, "{}", lanczos.steps());
+        assert!(lanczos.steps() + lanczos.pending() <= 12, "{}", lanczos.steps());
         assert_eq!(lanczos.products(), products);
     }
-    let columns: Vec<&Vec<f64>> = lanczos.basis().iter().chain(lanczos.expansion().waiting()).collect();
+    let columns: Vec<&Vec<f64>> = lanczos.basis().iter().chain(lanczos.waiting()).collect();
     for (i, a) in columns.iter().enumerate() {
         for (j, b) in columns.iter().enumerate() {
             let expected = f64::from(u8::from(i == j));

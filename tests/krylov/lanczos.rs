@@ -7,8 +7,8 @@ use crate::comb::Comb;
 use crate::krylov_support::{Dense, spread};
 use krylux::Error;
 use krylux::krylov::{
-    Completeness, Eigs, EigsOptions, Factorization, Lanczos, PairStatus, Start, Status, Step, Which, dot,
-    eigs, eigs_from,
+    Completeness, Eigs, EigsOptions, Factorization, PairStatus, Start, Status, Step, Which, dot, eigs,
+    eigs_from,
 };
 use krylux::observer::{self, Estimate, OnStep};
 use krylux::operator::{Observed, Operator, Symmetry};
@@ -70,7 +70,7 @@ fn indefinite_matrices_give_either_end_or_the_largest_magnitudes() {
 fn repeated_eigenvalues_end_in_an_invariant_subspace_and_their_copies_come_after_it() {
     // Diagonal: a turned one has its eigenvalues repeated only up to rounding.
     let mut matrix = Dense::diagonal(&[3.0, 3.0, 3.0, 1.0, 1.0, 0.5]);
-    let mut lanczos = Lanczos::new(&Start::default().vector(6), &[]).unwrap();
+    let mut lanczos = Factorization::lanczos(&Start::default().vector(6), &[]).unwrap();
     let mut steps = Vec::new();
     while !lanczos.is_exhausted() {
         steps.push(lanczos.expand(&mut matrix).unwrap());
@@ -156,7 +156,8 @@ fn deflating_a_known_vector_brings_up_the_second_copy() {
 fn deflating_a_vector_that_is_no_eigenvector_shows_in_the_residuals() {
     let mut matrix = Dense::turned(&spread(50));
     let mut lanczos =
-        Lanczos::new(&Start::default().vector(50), &[Start::Gaussian { seed: 4 }.vector(50)]).unwrap();
+        Factorization::lanczos(&Start::default().vector(50), &[Start::Gaussian { seed: 4 }.vector(50)])
+            .unwrap();
     let options = EigsOptions { count: 2, products: 49, tolerance: 0.0, ..EigsOptions::default() };
     let found = eigs_from(&mut lanczos, &mut matrix, &options).unwrap();
     assert_eq!(found.stats.status, Status::SpaceExhausted);
@@ -183,12 +184,12 @@ fn failed_product_leaves_a_factorization_that_resumes_to_the_same_bits() {
     let options = EigsOptions { count: 4, products: 30, tolerance: 0.0, ..EigsOptions::default() };
     let matrix = Dense::turned(&spread(3000)[..400]);
     let start = options.start.vector(400);
-    let mut whole = Lanczos::new(&start, &[]).unwrap();
+    let mut whole = Factorization::lanczos(&start, &[]).unwrap();
     let unfailed = eigs_from(&mut whole, &mut matrix.clone(), &options).unwrap();
     for fault in [1, 7, 30] {
         let mut failing = matrix.clone();
         failing.fail_at = Some(fault);
-        let mut lanczos = Lanczos::new(&start, &[]).unwrap();
+        let mut lanczos = Factorization::lanczos(&start, &[]).unwrap();
         let error = eigs_from(&mut lanczos, &mut failing, &options).unwrap_err();
         assert!(matches!(error, Error::Interrupted), "the operator's own error comes through");
         assert_eq!(lanczos.products(), fault - 1, "everything before the failure is there");
@@ -205,7 +206,7 @@ fn failed_product_leaves_a_factorization_that_resumes_to_the_same_bits() {
 fn nan_in_a_product_is_an_error_and_the_step_can_be_taken_again() {
     let mut matrix = Dense::turned(&spread(30));
     matrix.spoil_at = Some(3);
-    let mut lanczos = Lanczos::new(&Start::default().vector(30), &[]).unwrap();
+    let mut lanczos = Factorization::lanczos(&Start::default().vector(30), &[]).unwrap();
     let options = EigsOptions { count: 1, products: 10, tolerance: 0.0, ..EigsOptions::default() };
     let error = eigs_from(&mut lanczos, &mut matrix, &options).unwrap_err();
     assert!(error.to_string().contains("product 3"), "{error}");
@@ -225,9 +226,9 @@ fn general_operators_and_wrong_sizes_are_refused_without_a_product() {
     assert!(error.to_string().contains("9x9"), "{error}");
     assert_eq!(matrix.products, 0);
     let known = vec![vec![1.0, 0.0], vec![3.0, 0.0]];
-    assert!(Lanczos::new(&[1.0, 2.0], &known).unwrap_err().to_string().contains("known vector 2"));
-    assert!(Lanczos::new(&[f64::NAN, 2.0], &[]).is_err());
-    assert!(Lanczos::new(&[], &[]).is_err());
+    assert!(Factorization::lanczos(&[1.0, 2.0], &known).unwrap_err().to_string().contains("known vector 2"));
+    assert!(Factorization::lanczos(&[f64::NAN, 2.0], &[]).is_err());
+    assert!(Factorization::lanczos(&[], &[]).is_err());
 }
 
 #[test]
@@ -290,7 +291,7 @@ proptest! {
         let n = values.len();
         let mut matrix = Dense::turned(&values);
         let deflate: Vec<Vec<f64>> = (0..known).map(|k| Start::Gaussian { seed: k as u64 }.vector(n)).collect();
-        let mut lanczos = Lanczos::new(&Start::Gaussian { seed }.vector(n), &deflate).unwrap();
+        let mut lanczos = Factorization::lanczos(&Start::Gaussian { seed }.vector(n), &deflate).unwrap();
         while !lanczos.is_exhausted() {
             lanczos.expand(&mut matrix).unwrap();
         }

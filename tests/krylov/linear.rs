@@ -554,7 +554,7 @@ fn failed_product_is_taken_again_to_the_same_bits() {
             let mut failing = system.matrix.clone();
             failing.fail_at = Some(fault);
             let mut solver = method.solver(40, &system.b, &options).unwrap();
-            let error = solve_from(solver.as_mut(), &mut failing, &options).unwrap_err();
+            let error = solve_from(&mut solver, &mut failing, &options).unwrap_err();
             assert!(matches!(error, Error::Interrupted), "the operator's own error comes through");
             assert_eq!(
                 solver.tally().products,
@@ -563,7 +563,7 @@ fn failed_product_is_taken_again_to_the_same_bits() {
             );
             let kept = misfit(&system.matrix, &solver.solution(), &system.b);
             assert!((kept - solver.tally().best).abs() < 1e-12 * norm(&system.b), "{method:?}: and of use");
-            let resumed = solve_from(solver.as_mut(), &mut failing, &options).unwrap();
+            let resumed = solve_from(&mut solver, &mut failing, &options).unwrap();
             assert_eq!(resumed.x, whole.x, "{method:?}, product {fault}");
             assert_eq!(resumed.history, whole.history[fault - 1..], "{method:?}, product {fault}");
         }
@@ -577,9 +577,9 @@ fn nan_in_a_product_is_an_error_that_names_it() {
         let mut matrix = system.matrix.clone();
         matrix.spoil_at = Some(3);
         let mut solver = method.solver(40, &system.b, &accurate()).unwrap();
-        let error = solve_from(solver.as_mut(), &mut matrix, &accurate()).unwrap_err();
+        let error = solve_from(&mut solver, &mut matrix, &accurate()).unwrap_err();
         assert!(error.to_string().contains("product 3"), "{method:?}: {error}");
-        let found = solve_from(solver.as_mut(), &mut matrix, &accurate()).unwrap();
+        let found = solve_from(&mut solver, &mut matrix, &accurate()).unwrap();
         assert_eq!(found.stats.status, Status::ReachedTolerance, "{method:?}: and can be taken again");
     }
 }

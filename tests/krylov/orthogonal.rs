@@ -2,10 +2,10 @@
 #![allow(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 use crate::krylov_support::{Dense, Noisy, general_gallery, spread, symmetric_gallery};
-use krylux::krylov::{Arnoldi, BlockLanczos, Expansion, Factorization, Lanczos, Start, Which, dot};
+use krylux::krylov::{Factorization, Start, Which, dot};
 
 /// `‖I − UᵀU‖_F` for the known vectors and the basis, and the largest part that a waiting vector has along them.
-fn losses(state: &Expansion) -> (f64, f64) {
+fn losses(state: &Factorization) -> (f64, f64) {
     let columns: Vec<&Vec<f64>> = state.known().iter().chain(state.basis()).collect();
     let mut square = 0.0;
     for (i, a) in columns.iter().enumerate() {
@@ -18,11 +18,11 @@ fn losses(state: &Expansion) -> (f64, f64) {
 }
 
 /// Runs up to `steps` steps and holds the basis to the bound.
-fn check(name: &str, process: &mut dyn Factorization, matrix: &mut Dense, steps: usize) {
+fn check(name: &str, process: &mut Factorization, matrix: &mut Dense, steps: usize) {
     while process.steps() < steps && !process.is_exhausted() {
         process.expand(matrix).unwrap();
     }
-    let state = process.expansion();
+    let state = &*process;
     let (m, n) = ((state.known().len() + state.steps()) as f64, state.n() as f64);
     let (loss, waiting) = losses(state);
     // The longest chain of roundings: 512 rows in 4 lanes, then the blocks, then a few; and removals from m columns.
@@ -68,11 +68,11 @@ fn bases_of_ninety_steps_stay_within_the_stated_bound() {
         let n = matrix.n;
         let known = [Start::Gaussian { seed: 5 }.vector(n)];
         for deflate in [&known[..0], &known[..]] {
-            let mut lanczos = Lanczos::new(&Start::default().vector(n), deflate).unwrap();
+            let mut lanczos = Factorization::lanczos(&Start::default().vector(n), deflate).unwrap();
             check(name, &mut lanczos, &mut matrix.clone(), 90);
-            let mut block = BlockLanczos::new(&Start::default().block(n, 3), deflate).unwrap();
+            let mut block = Factorization::block_lanczos(&Start::default().block(n, 3), deflate).unwrap();
             check(name, &mut block, &mut matrix.clone(), 90);
-            let mut arnoldi = Arnoldi::new(&Start::default().vector(n), deflate).unwrap();
+            let mut arnoldi = Factorization::arnoldi(&Start::default().vector(n), deflate).unwrap();
             check(name, &mut arnoldi, &mut matrix.clone(), 90);
         }
     }
@@ -82,13 +82,13 @@ fn bases_of_ninety_steps_stay_within_the_stated_bound() {
 fn bases_of_the_whole_gallery_stay_within_the_stated_bound() {
     for (name, matrix) in symmetric_gallery() {
         let n = matrix.n;
-        let mut lanczos = Lanczos::new(&Start::default().vector(n), &[]).unwrap();
+        let mut lanczos = Factorization::lanczos(&Start::default().vector(n), &[]).unwrap();
         check(name, &mut lanczos, &mut matrix.clone(), n);
-        let mut block = BlockLanczos::new(&Start::default().block(n, n.min(4)), &[]).unwrap();
+        let mut block = Factorization::block_lanczos(&Start::default().block(n, n.min(4)), &[]).unwrap();
         check(name, &mut block, &mut matrix.clone(), n);
     }
     for (name, matrix) in general_gallery() {
-        let mut arnoldi = Arnoldi::new(&Start::default().vector(matrix.n), &[]).unwrap();
+        let mut arnoldi = Factorization::arnoldi(&Start::default().vector(matrix.n), &[]).unwrap();
         check(name, &mut arnoldi, &mut matrix.clone(), matrix.n);
     }
 }
@@ -96,7 +96,7 @@ fn bases_of_the_whole_gallery_stay_within_the_stated_bound() {
 #[test]
 fn noise_and_restarts_leave_bases_orthonormal() {
     let mut matrix = Dense::turned(&spread(150));
-    let mut lanczos = Lanczos::new(&Start::default().vector(150), &[]).unwrap();
+    let mut lanczos = Factorization::lanczos(&Start::default().vector(150), &[]).unwrap();
     for round in 0..6 {
         for step in 0..12 {
             // Noise of all sizes, some of it where the removal may just wait.
@@ -104,7 +104,7 @@ fn noise_and_restarts_leave_bases_orthonormal() {
             lanczos.expand(&mut Noisy::new(&mut matrix, noise)).unwrap();
         }
         lanczos.shrink(Which::LargestAlgebraic, 5).unwrap();
-        let (loss, waiting) = losses(lanczos.expansion());
+        let (loss, waiting) = losses(&lanczos);
         // Rotations by matrices orthogonal to a few ε each, and the waiting vector is settled before them.
         assert!(loss < 1e-13 && waiting < 1e-13, "{round}: {loss:e} {waiting:e}");
     }
@@ -133,7 +133,7 @@ fn vectors_that_wait_are_multiplied_alike_alone_and_in_a_block() {
     }
     let run = |size: usize| {
         let mut operator = Blocks(Dense::turned(&spread(160)), size);
-        let mut process = BlockLanczos::new(&Start::default().block(160, 4), &[]).unwrap();
+        let mut process = Factorization::block_lanczos(&Start::default().block(160, 4), &[]).unwrap();
         for _ in 0..70 {
             process.multiply_block(&mut operator, 70).unwrap();
             process.expand(&mut operator).unwrap();

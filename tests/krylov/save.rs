@@ -2,66 +2,48 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
 use crate::krylov_support::{Dense, Noisy, spread};
-use krylux::krylov::{
-    Arnoldi, BlockLanczos, EigsOptions, Factorization, Lanczos, RitzPair, Start, Which, eigs_from,
-};
+use krylux::Error;
+use krylux::krylov::{EigsOptions, Factorization, ProcessKind, RitzPair, Start, Which, eigs_from};
 use krylux::operator::Symmetry;
-use krylux::{Error, Result};
 
 const N: usize = 90;
-
-/// One of the three, and how to save and load it.
-trait Kind: Factorization + Sized + Clone {
-    fn start() -> Self;
-    fn save(&self, writer: &mut Vec<u8>);
-    fn load(bytes: &[u8]) -> Result<Self>;
-}
-
-macro_rules! kind {
-    ($name:ident, $start:expr) => {
-        impl Kind for $name {
-            fn start() -> Self {
-                $start.unwrap()
-            }
-            fn save(&self, writer: &mut Vec<u8>) {
-                $name::save(self, writer).unwrap();
-            }
-            fn load(bytes: &[u8]) -> Result<Self> {
-                $name::load(bytes)
-            }
-        }
-    };
-}
 
 fn known() -> Vec<Vec<f64>> {
     vec![Start::Gaussian { seed: 8 }.vector(N)]
 }
 
-kind!(Lanczos, Lanczos::new(&Start::default().vector(N), &known()));
-kind!(BlockLanczos, BlockLanczos::new(&Start::default().block(N, 3), &known()));
-kind!(Arnoldi, Arnoldi::new(&Start::default().vector(N), &[]));
+/// A process of this kind before its first step.
+fn start(kind: ProcessKind) -> Factorization {
+    let start = Start::default();
+    match kind {
+        ProcessKind::Lanczos => Factorization::lanczos(&start.vector(N), &known()),
+        ProcessKind::BlockLanczos => Factorization::block_lanczos(&start.block(N, 3), &known()),
+        ProcessKind::Arnoldi => Factorization::arnoldi(&start.vector(N), &[]),
+    }
+    .unwrap()
+}
 
 fn matrix() -> Dense {
     Dense::turned(&spread(N))
 }
 
-fn saved<F: Kind>(state: &F) -> Vec<u8> {
+fn saved(state: &Factorization) -> Vec<u8> {
     let mut bytes = Vec::new();
-    state.save(&mut bytes);
+    state.save(&mut bytes).unwrap();
     bytes
 }
 
-fn everything<F: Kind>(state: &F) -> (Vec<Vec<f64>>, Vec<RitzPair>, usize, f64) {
+fn everything(state: &Factorization) -> (Vec<Vec<f64>>, Vec<RitzPair>, usize, f64) {
     let pairs = state.ritz(Which::LargestMagnitude, 6).unwrap();
     (state.basis().to_vec(), pairs, state.products(), state.asymmetry())
 }
 
-fn resumes_to_the_same_bits<F: Kind>() {
+fn resumes_to_the_same_bits(kind: ProcessKind) {
     let mut matrix = matrix();
-    let mut whole = F::start();
+    let mut whole = start(kind);
     for stop in 0..20 {
         // Saved at every point, even before the first step, and gone on with from there.
-        let mut resumed = F::load(&saved(&whole)).unwrap();
+        let mut resumed = Factorization::load(kind, &saved(&whole)[..]).unwrap();
         assert_eq!(everything(&resumed), everything(&whole), "stopped after {stop}");
         for _ in 0..4 {
             resumed.expand(&mut matrix).unwrap();
@@ -78,9 +60,9 @@ fn resumes_to_the_same_bits<F: Kind>() {
 
 #[test]
 fn each_factorization_resumes_from_disk_to_the_same_bits() {
-    resumes_to_the_same_bits::<Lanczos>();
-    resumes_to_the_same_bits::<BlockLanczos>();
-    resumes_to_the_same_bits::<Arnoldi>();
+    resumes_to_the_same_bits(ProcessKind::Lanczos);
+    resumes_to_the_same_bits(ProcessKind::BlockLanczos);
+    resumes_to_the_same_bits(ProcessKind::Arnoldi);
 }
 
 #[test]
@@ -88,9 +70,9 @@ fn restarted_noisy_and_invariant_processes_resume_to_the_same_bits_too() {
     let options =
         EigsOptions { count: 3, products: 40, tolerance: 0.0, max_basis: Some(12), ..EigsOptions::default() };
     let mut dense = matrix();
-    let mut lanczos = <Lanczos as Kind>::start();
+    let mut lanczos = start(ProcessKind::Lanczos);
     eigs_from(&mut lanczos, &mut Noisy::new(&mut dense, |_| 1e-3), &options).unwrap();
-    let mut resumed = <Lanczos as Kind>::load(&saved(&lanczos)).unwrap();
+    let mut resumed = Factorization::load(ProcessKind::Lanczos, &saved(&lanczos)[..]).unwrap();
     assert_eq!(everything(&resumed), everything(&lanczos));
     let options = EigsOptions { products: 60, ..options };
     let straight = eigs_from(&mut lanczos, &mut dense.clone(), &options).unwrap();
@@ -99,11 +81,11 @@ fn restarted_noisy_and_invariant_processes_resume_to_the_same_bits_too() {
 
     // The identity: every step ends in an invariant subspace, and draws a random vector.
     let mut identity = Dense::diagonal(&[1.0; N]);
-    let mut block = BlockLanczos::new(&Start::default().block(N, 2), &[]).unwrap();
+    let mut block = Factorization::block_lanczos(&Start::default().block(N, 2), &[]).unwrap();
     for _ in 0..7 {
         block.expand(&mut identity).unwrap();
     }
-    let mut resumed = <BlockLanczos as Kind>::load(&saved(&block)).unwrap();
+    let mut resumed = Factorization::load(ProcessKind::BlockLanczos, &saved(&block)[..]).unwrap();
     while !block.is_exhausted() {
         assert_eq!(block.expand(&mut identity).unwrap(), resumed.expand(&mut identity).unwrap());
     }
@@ -113,12 +95,12 @@ fn restarted_noisy_and_invariant_processes_resume_to_the_same_bits_too() {
 #[test]
 fn every_flipped_byte_and_every_missing_end_is_found() {
     let mut dense = matrix();
-    let mut lanczos = <Lanczos as Kind>::start();
+    let mut lanczos = start(ProcessKind::Lanczos);
     for _ in 0..3 {
         lanczos.expand(&mut dense).unwrap();
     }
     let bytes = saved(&lanczos);
-    let refused = |bytes: &[u8], what: String| match <Lanczos as Kind>::load(bytes) {
+    let refused = |bytes: &[u8], what: String| match Factorization::load(ProcessKind::Lanczos, bytes) {
         Err(Error::Data { path, .. }) => assert_eq!(path.to_str(), Some("saved factorization")),
         Err(other) => panic!("{what}: {other}"),
         Ok(_) => panic!("{what}: believed"),
@@ -138,7 +120,7 @@ fn every_flipped_byte_and_every_missing_end_is_found() {
 #[test]
 fn files_of_the_version_before_are_read() {
     let mut dense = matrix();
-    let mut lanczos = <Lanczos as Kind>::start();
+    let mut lanczos = start(ProcessKind::Lanczos);
     lanczos.expand(&mut dense).unwrap();
     // A restart that keeps all but one vector leaves no late parts, which that version cannot say.
     lanczos.expand(&mut dense).unwrap();
@@ -151,15 +133,15 @@ fn files_of_the_version_before_are_read() {
     bytes[8..12].copy_from_slice(&2_u32.to_le_bytes());
     let checksum = *blake3::hash(&bytes).as_bytes();
     bytes.extend_from_slice(&checksum);
-    let read = <Lanczos as Kind>::load(&bytes).unwrap();
+    let read = Factorization::load(ProcessKind::Lanczos, &bytes[..]).unwrap();
     assert_eq!(everything(&read), everything(&lanczos));
     assert_eq!(saved(&read), saved(&lanczos), "it is written as the version of today");
 }
 
 #[test]
 fn other_versions_kinds_and_absurd_lengths_are_named() {
-    let bytes = saved(&<Lanczos as Kind>::start());
-    let fault = |bytes: &[u8]| match <Lanczos as Kind>::load(bytes).unwrap_err() {
+    let bytes = saved(&start(ProcessKind::Lanczos));
+    let fault = |bytes: &[u8]| match Factorization::load(ProcessKind::Lanczos, bytes).unwrap_err() {
         Error::Data { fault, .. } => fault,
         other => panic!("{other}"),
     };
@@ -170,12 +152,12 @@ fn other_versions_kinds_and_absurd_lengths_are_named() {
     };
     assert!(fault(b"not a factorization at all").contains("begin like a saved factorization"));
     assert!(fault(&with(8, &[1])).contains("version 1"));
-    assert!(fault(&saved(&<Arnoldi as Kind>::start())).contains("kind 3"));
+    assert!(fault(&saved(&start(ProcessKind::Arnoldi))).contains("kind 3"));
     // A length of 2^60 must not be allocated.
     let huge = (1_u64 << 60).to_le_bytes();
     assert!(fault(&with(16, &huge)).contains("too early"));
     assert!(fault(&with(40, &huge)).contains("contradict"));
-    let error = <Lanczos as Kind>::load(&bytes[..100]).unwrap_err().to_string();
+    let error = Factorization::load(ProcessKind::Lanczos, &bytes[..100]).unwrap_err().to_string();
     assert!(error.contains("help:"), "{error}");
 }
 
@@ -195,14 +177,14 @@ fn failing_writers_and_readers_are_reported_as_such() {
             Err(std::io::Error::other("cable pulled"))
         }
     }
-    assert!(matches!(Lanczos::save(&<Lanczos as Kind>::start(), Broken), Err(Error::Write { .. })));
-    assert!(matches!(Lanczos::load(Broken), Err(Error::Read { .. })));
+    assert!(matches!(start(ProcessKind::Lanczos).save(Broken), Err(Error::Write { .. })));
+    assert!(matches!(Factorization::load(ProcessKind::Lanczos, Broken), Err(Error::Read { .. })));
 }
 
 #[test]
 fn arnoldi_of_a_symmetric_operator_is_not_taken_for_lanczos() {
     assert_eq!(matrix().symmetry, Symmetry::Symmetric);
-    let mut arnoldi = <Arnoldi as Kind>::start();
+    let mut arnoldi = start(ProcessKind::Arnoldi);
     arnoldi.expand(&mut matrix()).unwrap();
-    assert!(<Lanczos as Kind>::load(&saved(&arnoldi)).is_err());
+    assert!(Factorization::load(ProcessKind::Lanczos, &saved(&arnoldi)[..]).is_err());
 }

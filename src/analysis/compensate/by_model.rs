@@ -1,10 +1,10 @@
 //! Compensation for a new target on a captured scene: a model of its light replaces most or all further photos.
 
-use super::answer::Answer;
-use super::run::Run;
+use super::run::{Answer, Run};
 use super::target::{norm_of, residual_norm};
 use super::{CompensateOptions, Compensation, CompensationRow, Prior, Scene, Target, clipped};
 use crate::analysis::LowRank;
+use crate::analysis::planes::{difference, sum};
 use crate::error::Result;
 use crate::krylov::Constraint;
 
@@ -50,7 +50,7 @@ pub fn compensate_by_model(
     let mut history: Vec<CompensationRow> = Vec::new();
     let mut stalled = false;
     loop {
-        let goal = combined(&b, &missed, |b, missed| b - missed);
+        let goal = difference(&b, &missed);
         let mut run =
             Run { target, white: &white, b: &goal, options, prior: &prior, dear: false, preparation: 0 };
         let solved = run.solve(scene.channels, options.method, PRODUCTS, false)?;
@@ -63,11 +63,11 @@ pub fn compensate_by_model(
             stalled = residual <= options.rtol
                 || history.last().is_some_and(|before| residual > STALLED * before.residual);
             history.push(CompensationRow { photo: history.len() + 1, residual });
-            missed = combined(&photo, &modelled, |photo, modelled| photo - modelled);
+            missed = difference(&photo, &modelled);
             continue;
         }
-        let predicted = combined(&modelled, &missed, |modelled, missed| modelled + missed);
-        let plain = scene.photograph(&clipped(&target.dimmed(&white, peak)?, options.floor))?;
+        let predicted = sum(&modelled, &missed);
+        let plain = scene.photograph(&clipped(&target.dimmed(&white, peak), options.floor))?;
         let boxed = options.method.facts().constraint == Constraint::Box;
         let answer =
             Answer { target, options, peak, b: &b, pattern, observed: predicted, uncompensated: plain };
@@ -76,9 +76,4 @@ pub fn compensate_by_model(
         let good = found.residual < found.uncompensated_residual && (boxed || found.good);
         return Ok(Compensation { good, photos: history.len(), history, ..found });
     }
-}
-
-fn combined(a: &[Vec<f64>], b: &[Vec<f64>], with: fn(f64, f64) -> f64) -> Vec<Vec<f64>> {
-    let plane = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(&a, &b)| with(a, b)).collect();
-    a.iter().zip(b).map(plane).collect()
 }

@@ -1,7 +1,9 @@
 //! A comparison of all methods at equal numbers of photos.
 
+use super::run::ROUNDING;
 use super::{CompensateOptions, CompensationRow, Prior, Target, compensate_with};
 use crate::error::Result;
+use crate::finding::{Ratio, decimal};
 use crate::krylov::{Constraint, METHODS, Method};
 use crate::operator::{Adjoint, Symmetry};
 
@@ -63,4 +65,90 @@ pub fn compare_methods<O: Adjoint>(
         });
     }
     Ok(runs)
+}
+
+/// An unconstrained method, clamped after each photo, compared with a box-constrained one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Clamping {
+    /// The residual of the photo when the method's answer after each photo is clamped and projected.
+    pub displayed: Vec<CompensationRow>,
+    /// The residuals of [`Method::KrylovBox`](crate::krylov::Method::KrylovBox) with the same number of photos.
+    pub boxed: Vec<CompensationRow>,
+    /// The residual of the target projected without compensation.
+    pub uncompensated: f64,
+}
+
+impl Clamping {
+    /// The final residual after clamping.
+    pub fn last(&self) -> f64 {
+        self.displayed.last().map_or(f64::INFINITY, |row| row.residual)
+    }
+
+    /// The final residual of the box-constrained method.
+    pub fn inside(&self) -> f64 {
+        self.boxed.last().map_or(f64::INFINITY, |row| row.residual)
+    }
+
+    /// Whether projecting the target without compensation would have been better.
+    pub fn is_worse_than_nothing(&self) -> bool {
+        self.last() > self.uncompensated + ROUNDING
+    }
+
+    /// The residual after clamping divided by the residual of the box-constrained method. Undefined where the latter is mere rounding.
+    pub fn price(&self) -> Ratio {
+        Ratio::of(self.last(), self.inside(), ROUNDING)
+    }
+
+    /// The photo after which further photos made the clamped result worse, if there is one.
+    pub fn turning_point(&self) -> Option<usize> {
+        let best = self.displayed.iter().min_by(|a, b| a.residual.total_cmp(&b.residual))?;
+        // A difference of 1 % is not counted as worse.
+        (self.last() > 1.01 * best.residual + ROUNDING).then_some(best.photo)
+    }
+
+    /// A warning with figures if clamping raises the residual by more than a tenth.
+    pub fn warning(&self) -> Option<String> {
+        let [last, inside, nothing] =
+            [self.last(), self.inside(), self.uncompensated].map(|residual| decimal(residual, 4));
+        let turn = self.turning_point().map_or(String::new(), |photo| {
+            format!("; it was best after {photo} photo(s), and more of them made it worse")
+        });
+        if self.is_worse_than_nothing() {
+            return Some(format!(
+                "clamping leaves a residual of {last}, worse than {nothing} of the target projected as it is; krylov-box leaves {inside} with as many photos{turn}"
+            ));
+        }
+        self.price().value().is_some_and(|price| price > 1.1).then(|| {
+            format!("clamping leaves a residual of {last}, krylov-box {inside} with as many photos{turn}")
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(residuals: &[f64]) -> Vec<CompensationRow> {
+        let row = |(index, &residual)| CompensationRow { photo: index + 1, residual };
+        residuals.iter().enumerate().map(row).collect()
+    }
+
+    #[test]
+    fn a_warning_names_the_figures_and_the_photo_after_which_it_went_wrong() {
+        let clamped = |displayed: &[f64], boxed: &[f64]| Clamping {
+            displayed: rows(displayed),
+            boxed: rows(boxed),
+            uncompensated: 0.3,
+        };
+        let harmless = clamped(&[0.2, 0.1], &[0.2, 0.095]);
+        assert_eq!((harmless.warning(), harmless.turning_point()), (None, None));
+        let worse = clamped(&[0.2, 0.15, 0.4], &[0.2, 0.1, 0.1]);
+        let warning = worse.warning().unwrap_or_default();
+        assert!(worse.is_worse_than_nothing() && worse.turning_point() == Some(2));
+        for part in ["0.4000", "0.3000", "0.1000", "after 2 photo"] {
+            assert!(warning.contains(part), "{part}: {warning}");
+        }
+        let dear = clamped(&[0.2], &[0.1]);
+        assert!(dear.warning().is_some_and(|text| text.contains("krylov-box 0.1000")));
+    }
 }

@@ -8,9 +8,7 @@
 //! | all methods at equal numbers of photos | [`compare_methods`] |
 //! | another target for a scene that is already captured | [`compensate_by_model`] |
 
-mod answer;
 mod by_model;
-mod clamping;
 mod compare;
 mod crosstalk;
 mod defocus;
@@ -21,20 +19,19 @@ mod run;
 mod target;
 
 pub use by_model::{Photograph, compensate_by_model};
-pub use clamping::Clamping;
-pub use compare::{MethodRun, compare_methods};
+pub use compare::{Clamping, MethodRun, compare_methods};
 pub use crosstalk::Crosstalk;
 pub(crate) use mixture::Mixture;
 pub use options::{CompensateOptions, Precondition};
 pub use target::Target;
 
+use super::planes::Planes;
 use super::similarity::Similarity;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::krylov::{Constraint, Method, Status};
-use crate::operator::{Adjoint, Observed, block, block_mut};
-use answer::Answer;
-use run::{Planes, Run};
+use crate::operator::{Adjoint, Observed, block, block_mut, product};
+use run::{Answer, ROUNDING, Run};
 use target::{norm_of, residual_norm};
 
 /// The least residual so far, relative to the target light, after a number of the method's photos.
@@ -92,7 +89,7 @@ pub struct Compensation {
 impl Compensation {
     /// Whether the target itself, projected without compensation, would look as good.
     pub fn is_needless(&self) -> bool {
-        self.residual >= self.uncompensated_residual - answer::ROUNDING
+        self.residual >= self.uncompensated_residual - ROUNDING
     }
 }
 
@@ -162,7 +159,7 @@ pub fn compensate_with<O: Adjoint>(
 
     let pattern = clipped(&solved.patterns, options.floor);
     let observed = scene.photograph(&pattern)?;
-    let plain = clipped(&target.dimmed(&white, peak)?, options.floor);
+    let plain = clipped(&target.dimmed(&white, peak), options.floor);
     let uncompensated = scene.photograph(&plain)?;
     let keep = keep && pattern != solved.patterns;
     let displayed = match keep {
@@ -182,22 +179,20 @@ pub fn compensate_with<O: Adjoint>(
 
 impl Prior {
     fn fits(&self, target: &Target, channels: usize) -> Result<()> {
-        let mismatch = |what, expected: usize, found: usize| Err(Error::dimension(what, expected, found));
-        if self.crosstalk.is_some() && channels != 3 {
-            return mismatch("channels between which there is crosstalk", 3, channels);
+        if self.crosstalk.is_some() {
+            Error::check_size("channels between which there is crosstalk", 3, channels)?;
         }
         let start = self.start.as_ref().map_or(0, Vec::len);
         for (what, count) in [("direct images", self.direct.len()), ("planes of the first pattern", start)] {
-            if count != 0 && count != channels {
-                return mismatch(what, channels, count);
+            if count != 0 {
+                Error::check_size(what, channels, count)?;
             }
         }
         let geometry = Some(&self.geometry).filter(|plane| !plane.is_empty());
-        let mut planes = self.direct.iter().chain(geometry).chain(self.start.iter().flatten());
-        match planes.find(|plane| plane.len() != target.pixels()) {
-            Some(plane) => mismatch("pixels of what is known beforehand", target.pixels(), plane.len()),
-            None => Ok(()),
+        for plane in self.direct.iter().chain(geometry).chain(self.start.iter().flatten()) {
+            Error::check_size("pixels of what is known beforehand", target.pixels(), plane.len())?;
         }
+        Ok(())
     }
 }
 
@@ -209,11 +204,7 @@ struct Scene<'a, O> {
 impl<O: Adjoint> Scene<'_, O> {
     fn photograph(&mut self, patterns: &[Vec<f64>]) -> Result<Planes> {
         let mixed = self.prior.crosstalk.as_ref().map(|crosstalk| crosstalk.mix(patterns));
-        let photo = |(operator, pattern): (&mut O, &Vec<f64>)| {
-            let mut photo = vec![0.0; pattern.len()];
-            operator.apply(pattern, &mut photo)?;
-            Ok(photo)
-        };
+        let photo = |(operator, pattern): (&mut O, &Vec<f64>)| product(operator, pattern);
         self.channels.iter_mut().zip(mixed.as_deref().unwrap_or(patterns)).map(photo).collect()
     }
 

@@ -5,22 +5,21 @@ use std::sync::Arc;
 use super::crosstalk::{Crosstalk, Mixed, planes};
 use super::defocus::Defocus;
 use super::mixture::Mixture;
-use super::options::{CompensateOptions, Precondition};
-use super::target::{Target, norm_of};
-use super::{CompensationRow, Prior};
-use crate::analysis::direct::{DirectMethod, measure_direct};
+use super::target::{norm_of, residual_norm};
+use super::{CompensateOptions, Compensation, CompensationRow, Precondition, Prior, Target};
+use crate::analysis::planes::Planes;
+use crate::analysis::separate::SeparateBy;
+use crate::analysis::similarity::similarity;
 use crate::error::{Error, Result};
 use crate::krylov::{
     Constraint, Diagonal, Method, Multiscale, Preconditioner, Solution, SolveOptions, SolveRow, Start,
     Status, Surrogate, solve_adjoint,
 };
 use crate::observer::{Estimate, Observer, Step};
-use crate::operator::{Adjoint, Operator, Recorded, Relayed, Symmetry};
+use crate::operator::{Adjoint, Operator, Recorded, Relayed, Symmetry, product};
 
 /// Squares and shifts that measure an unknown direct image: 16 photos.
-const SQUARES: DirectMethod = DirectMethod::Checkerboards { square: 4, shifts: 4 };
-
-pub(super) type Planes = Vec<Vec<f64>>;
+const SQUARES: SeparateBy = SeparateBy::Checkerboards { square: 4, shifts: 4 };
 
 pub(super) struct Solved {
     /// The method's own answer, which may leave the box.
@@ -56,36 +55,34 @@ impl Run<'_> {
         keep: bool,
     ) -> Result<Solved> {
         let crosstalk = self.prior.crosstalk.as_ref();
-        let (solutions, answers, frames) = match crosstalk {
-            Some(crosstalk) if crosstalk.coupled => {
-                let mut mixed = Mixed { channels, crosstalk };
-                let (b, white) = (self.b.concat(), self.white.concat());
-                let start = self.prior.start.as_ref().map(|start| start.concat());
-                let options = self.solve_options(&mut mixed, method, photos, (None, white, start), 1.0)?;
-                let (solution, answers, frames) = kept(method, &mut mixed, &b, &options, keep)?;
-                (vec![solution], vec![answers], vec![frames])
+        let is_coupled = crosstalk.is_some_and(|crosstalk| crosstalk.coupled);
+        let mut mixed;
+        let operators: Vec<&mut dyn Adjoint> = match crosstalk {
+            Some(crosstalk) if is_coupled => {
+                mixed = Mixed { channels, crosstalk };
+                vec![&mut mixed]
             }
-            _ => {
-                let (mut solutions, mut answers, mut frames) = (Vec::new(), Vec::new(), Vec::new());
-                let whites = crosstalk.map_or([1.0; 3], Crosstalk::white);
-                let starts = self.prior.start.as_ref().map(|start| match crosstalk {
-                    Some(crosstalk) => crosstalk.mix(start),
-                    None => start.clone(),
-                });
-                for (channel, operator) in channels.iter_mut().enumerate() {
-                    // With mixed light, white is brighter than the channel's own pattern of ones.
-                    let white = self.white[channel].iter().map(|value| value / whites[channel]).collect();
-                    let start = starts.as_ref().map(|starts| starts[channel].clone());
-                    let setup = (Some(channel), white, start);
-                    let options = self.solve_options(operator, method, photos, setup, whites[channel])?;
-                    let (solution, answer, taken) = kept(method, operator, &self.b[channel], &options, keep)?;
-                    solutions.push(solution);
-                    answers.push(answer);
-                    frames.push(taken);
-                }
-                (solutions, answers, frames)
-            }
+            _ => channels.iter_mut().map(|operator| operator as &mut dyn Adjoint).collect(),
         };
+        let apart = crosstalk.filter(|_| !is_coupled);
+        let whites = apart.map_or([1.0; 3], Crosstalk::white);
+        let starts = self.prior.start.as_ref();
+        let starts = starts.map(|start| apart.map_or_else(|| start.clone(), |apart| apart.mix(start)));
+        let systems = |planes: &[Vec<f64>]| if is_coupled { vec![planes.concat()] } else { planes.to_vec() };
+        let (b, white, starts) =
+            (systems(self.b), systems(self.white), starts.map(|starts| systems(&starts)));
+        let (mut solutions, mut answers, mut frames) = (Vec::new(), Vec::new(), Vec::new());
+        for (index, operator) in operators.into_iter().enumerate() {
+            // With mixed light, white is brighter than the channel's own pattern of ones.
+            let white = white[index].iter().map(|value| value / whites[index]).collect();
+            let start = starts.as_ref().map(|starts| starts[index].clone());
+            let setup = ((!is_coupled).then_some(index), white, start);
+            let options = self.solve_options(operator, method, photos, setup, whites[index])?;
+            let (solution, answer, taken) = kept(method, operator, &b[index], &options, keep)?;
+            solutions.push(solution);
+            answers.push(answer);
+            frames.push(taken);
+        }
         Ok(Solved {
             patterns: self.patterns(solutions.iter().map(|found| found.x.clone()).collect()),
             residual: self.total(solutions.iter().map(|found| found.residual)),
@@ -180,7 +177,7 @@ impl Run<'_> {
                 let direct = match self.prior.direct.get(channel) {
                     Some(direct) => direct.clone(),
                     None => {
-                        let found = measure_direct(operator, size, SQUARES, 0)?;
+                        let found = SQUARES.measure(operator, size, 0)?;
                         self.preparation = 1 + found.photos;
                         found.direct
                     }
@@ -236,8 +233,7 @@ impl Run<'_> {
 /// A pattern of random signs and its photo.
 fn probe(operator: &mut dyn Operator) -> Result<(Vec<f64>, Vec<f64>)> {
     let probe = Start::default().vector(operator.cols());
-    let mut photo = vec![0.0; operator.rows()];
-    operator.apply(&probe, &mut photo)?;
+    let photo = product(operator, &probe)?;
     Ok((probe, photo))
 }
 
@@ -278,4 +274,62 @@ fn least_good(solutions: &[Solution]) -> Status {
         _ => 3,
     };
     statuses().max_by_key(rank).unwrap_or(Status::ReachedTolerance)
+}
+
+/// Residuals that differ by less are equal, because patterns and photos are stored in single precision.
+pub(super) const ROUNDING: f64 = 1e-6;
+
+/// A projected pattern and its photos, taken or modelled. Each has one plane per channel, and photos are without ambient light.
+pub(super) struct Answer<'a> {
+    pub(super) target: &'a Target,
+    pub(super) options: &'a CompensateOptions,
+    pub(super) peak: f64,
+    /// The target light from the projector.
+    pub(super) b: &'a [Vec<f64>],
+    pub(super) pattern: Planes,
+    pub(super) observed: Planes,
+    pub(super) uncompensated: Planes,
+}
+
+impl Answer<'_> {
+    /// Completes the result with the figures that the method reports. A pattern is good in three cases: it is within the tolerance; it is
+    /// no worse than no compensation and the optimum inside the box; or it is better than no compensation, nobody asked for a tolerance,
+    /// and its photos allowed no more. Preparation and comparisons are left empty.
+    pub(super) fn of(self, solved: Solved) -> Result<Compensation> {
+        let Self { target, options, peak, b, pattern, observed, uncompensated } = self;
+        let scale = norm_of(b);
+        let residual = residual_norm(b, &observed) / scale;
+        let uncompensated_residual = residual_norm(b, &uncompensated) / scale;
+        // The method's recurrence agrees with a photo only up to rounding.
+        let reached = residual <= options.rtol * (1.0 + ROUNDING);
+        let boxed = options.method.facts().constraint == Constraint::Box;
+        let optimal = boxed && solved.status == Status::ConstrainedOptimum;
+        let spent = !options.must_reach
+            && matches!(solved.status, Status::BudgetSpent | Status::NoiseFloor | Status::LeastSquares);
+        let (radiance, observed) = (target.radiance(peak)?, target.photo(&observed)?);
+        let uncompensated = target.photo(&uncompensated)?;
+        Ok(Compensation {
+            unclipped: if pattern == solved.patterns { None } else { Some(target.image(&solved.patterns)?) },
+            pattern: target.image(&pattern)?,
+            similarity: similarity(&observed, &radiance, peak)?,
+            uncompensated_similarity: similarity(&uncompensated, &radiance, peak)?,
+            target: radiance,
+            observed,
+            uncompensated,
+            peak,
+            residual,
+            unclipped_residual: solved.residual,
+            uncompensated_residual,
+            history: solved.history,
+            baseline: Vec::new(),
+            photos: solved.photos,
+            frames: solved.frames,
+            preparation: 0,
+            clamping: None,
+            status: solved.status,
+            good: reached
+                || (optimal && residual <= uncompensated_residual + ROUNDING)
+                || (spent && residual < uncompensated_residual),
+        })
+    }
 }

@@ -1,5 +1,6 @@
 //! The target of a compensation: the desired photo of the scene.
 
+use crate::analysis::planes::{Planes, difference, sum, times};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::krylov::{dot, norm};
@@ -9,8 +10,8 @@ use crate::operator::Adjoint;
 #[derive(Clone, Debug)]
 pub struct Target {
     resolution: Resolution,
-    target: Vec<Vec<f64>>,
-    ambient: Vec<Vec<f64>>,
+    target: Planes,
+    ambient: Planes,
 }
 
 impl Target {
@@ -18,12 +19,14 @@ impl Target {
     /// Fails with [`Error::Dimension`] if the two differ in size, or the target is coloured and the ambient light gray.
     pub fn new(target: &Image, ambient: &Image) -> Result<Self> {
         let resolution = ambient.resolution();
-        if target.resolution() != resolution {
-            return Err(Error::dimension("pixels of the target", resolution, target.resolution()));
-        }
+        Error::check_size("pixels of the target", resolution, target.resolution())?;
         let count = ambient.channels();
         if target.channels() > count {
-            return Err(Error::dimension("channels of the target", count, target.channels()));
+            return Err(Error::dimension(
+                "channels of the target",
+                count.to_string(),
+                target.channels().to_string(),
+            ));
         }
         Ok(Self {
             resolution,
@@ -48,16 +51,11 @@ impl Target {
     }
 
     pub(super) fn fits<O: Adjoint>(&self, channels: &[O]) -> Result<()> {
-        let mismatch = |what, expected: usize, found: usize| Err(Error::dimension(what, expected, found));
-        if channels.len() != self.target.len() {
-            return mismatch("operators of a compensation", self.target.len(), channels.len());
+        Error::check_size("operators of a compensation", self.target.len(), channels.len())?;
+        for side in channels.iter().flat_map(|operator| [operator.rows(), operator.cols()]) {
+            Error::check_size("rows and columns of a compensation's operator", self.pixels(), side)?;
         }
-        let n = self.pixels();
-        match channels.iter().flat_map(|operator| [operator.rows(), operator.cols()]).find(|&side| side != n)
-        {
-            Some(side) => mismatch("rows and columns of a compensation's operator", n, side),
-            None => Ok(()),
-        }
+        Ok(())
     }
 
     /// The default peak, half the median of the white photo with ambient light: an even scene could then be twice as bright.
@@ -75,13 +73,8 @@ impl Target {
 
     /// The target light from the projector: the target times `peak`, minus ambient light. It is negative where ambient light
     /// is too bright; nothing is clipped.
-    pub(super) fn light(&self, peak: f64) -> Result<Vec<Vec<f64>>> {
-        let light: Vec<Vec<f64>> = self
-            .target
-            .iter()
-            .zip(&self.ambient)
-            .map(|(target, ambient)| target.iter().zip(ambient).map(|(t, a)| t * peak - a).collect())
-            .collect();
+    pub(super) fn light(&self, peak: f64) -> Result<Planes> {
+        let light = difference(&times(peak, &self.target), &self.ambient);
         if norm_of(&light) == 0.0 {
             return Err(Error::Numerical(
                 "the target is what is seen without projector: nothing to do".into(),
@@ -91,25 +84,17 @@ impl Target {
     }
 
     /// The target as a pattern, dimmed by the peak over the median of the white photo (without ambient light).
-    pub(super) fn dimmed(&self, white: &[Vec<f64>], peak: f64) -> Result<Vec<Vec<f64>>> {
+    pub(super) fn dimmed(&self, white: &[Vec<f64>], peak: f64) -> Planes {
         let bright = median(white.concat());
-        let factor = if bright > 0.0 { peak / bright } else { 1.0 };
-        Ok(self.target.iter().map(|plane| plane.iter().map(|value| factor * value).collect()).collect())
+        times(if bright > 0.0 { peak / bright } else { 1.0 }, &self.target)
     }
 
     pub(super) fn radiance(&self, peak: f64) -> Result<Image> {
-        let planes: Vec<Vec<f64>> =
-            self.target.iter().map(|plane| plane.iter().map(|value| peak * value).collect()).collect();
-        self.image(&planes)
+        self.image(&times(peak, &self.target))
     }
 
     pub(super) fn photo(&self, light: &[Vec<f64>]) -> Result<Image> {
-        let planes: Vec<Vec<f64>> = light
-            .iter()
-            .zip(&self.ambient)
-            .map(|(light, ambient)| light.iter().zip(ambient).map(|(l, a)| l + a).collect())
-            .collect();
-        self.image(&planes)
+        self.image(&sum(light, &self.ambient))
     }
 
     pub(super) fn image(&self, planes: &[Vec<f64>]) -> Result<Image> {
@@ -128,9 +113,7 @@ pub(super) fn norm_of(planes: &[Vec<f64>]) -> f64 {
 
 /// `‖b − y‖₂` over all channels.
 pub(super) fn residual_norm(b: &[Vec<f64>], y: &[Vec<f64>]) -> f64 {
-    let difference =
-        |(b, y): (&Vec<f64>, &Vec<f64>)| -> Vec<f64> { b.iter().zip(y).map(|(b, y)| b - y).collect() };
-    norm_of(&b.iter().zip(y).map(difference).collect::<Vec<_>>())
+    norm_of(&difference(b, y))
 }
 
 /// The median (the upper of two middle values); 0 without values.

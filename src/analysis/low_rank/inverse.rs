@@ -12,7 +12,7 @@
 
 use crate::error::{Error, Result};
 use crate::krylov::{Method, SolveOptions, Status, solve};
-use crate::operator::{Operator, Symmetry, block, delegate};
+use crate::operator::{Operator, Symmetry, between, delegate};
 
 /// Pixels with less than this share of the greatest direct light count as unlit. The other pixels account for the light that they send.
 const DARK: f64 = 1e-6;
@@ -50,9 +50,7 @@ pub fn cancel_interreflections(
         ("pixels of the direct image", direct.len()),
         ("pixels of the photo", photo.len()),
     ] {
-        if length != n {
-            return Err(Error::dimension(what, n, length));
-        }
+        Error::check_size(what, n, length)?;
     }
     let most = direct.iter().copied().fold(0.0, f64::max);
     if most <= 0.0 {
@@ -82,28 +80,19 @@ struct Scaled<'a> {
 }
 
 impl Operator for Scaled<'_> {
-    delegate!(global: block_size, observer);
-
-    fn rows(&self) -> usize {
-        self.inverse.len()
-    }
-
-    fn cols(&self) -> usize {
-        self.inverse.len()
-    }
+    delegate!(global: rows, cols, block_size, observer);
 
     fn symmetry(&self) -> Symmetry {
         Symmetry::General
     }
 
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        let scaled = |x: &&[f64]| x.iter().zip(self.inverse).map(|(x, inverse)| x * inverse).collect();
-        let patterns: Vec<Vec<f64>> = xs.iter().map(scaled).collect();
-        self.global.apply_block(&block(&patterns), ys)?;
-        for (y, x) in ys.iter_mut().zip(xs) {
-            y.iter_mut().zip(*x).for_each(|(y, x)| *y += x);
-        }
-        Ok(())
+        let inverse = self.inverse;
+        let before = |x: &[f64]| x.iter().zip(inverse).map(|(x, inverse)| x * inverse).collect();
+        let after = |x: &[f64], photo: &[f64], y: &mut [f64]| {
+            y.iter_mut().zip(photo).zip(x).for_each(|((y, photo), x)| *y = photo + x);
+        };
+        between(self.global, (xs, ys), before, after)
     }
 }
 

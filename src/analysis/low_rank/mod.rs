@@ -16,19 +16,14 @@
 
 mod capture;
 mod channels;
-mod error_curve;
-mod from_products;
 mod inverse;
 mod model;
 mod relight;
-mod saved;
-mod unseen;
 
-pub use capture::{LowRankCapture, capture, smooth_starts};
-pub use channels::{DirectPart, RankRow, capture_channels, diagonal_of, rank_curve};
-pub use error_curve::{ErrorRow, error_curve, optimal_errors};
-pub use from_products::{estimated_direct, from_products};
+pub use capture::{LowRankCapture, capture, estimated_direct, from_products, smooth_starts};
+pub use channels::{
+    DirectPart, ErrorRow, RankRow, capture_channels, diagonal_of, error_curve, optimal_errors, rank_curve,
+};
 pub use inverse::{Cancelled, cancel_interreflections};
 pub use model::LowRank;
-pub use relight::{Dual, Reduced, Relit};
-pub use saved::SavedModel;
+pub use relight::{Dual, Reduced, Relit, SavedModel};

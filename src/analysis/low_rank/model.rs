@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
-use crate::krylov::dot;
+use crate::krylov::{dot, norm};
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::sparse::Csr;
 
@@ -27,16 +27,12 @@ impl LowRank {
         symmetric: bool,
     ) -> Result<Self> {
         let n = basis.first().map_or(0, Vec::len);
-        let agree = |what, expected: usize, found: usize| match expected == found {
-            true => Ok(()),
-            false => Err(Error::dimension(what, expected, found)),
-        };
-        agree("photos of a low-rank model", basis.len(), photos.len())?;
+        Error::check_size("photos of a low-rank model", basis.len(), photos.len())?;
         for vector in basis.iter().chain(&photos) {
-            agree("pixels of a low-rank model", n, vector.len())?;
+            Error::check_size("pixels of a low-rank model", n, vector.len())?;
         }
         if !direct.is_empty() {
-            agree("pixels of the direct image", n, direct.len())?;
+            Error::check_size("pixels of the direct image", n, direct.len())?;
         }
         Ok(Self { basis, photos, direct, spread: None, symmetric })
     }
@@ -45,13 +41,9 @@ impl LowRank {
     /// with [`Error::Dimension`] if it is not `n × n`.
     pub fn with_direct_matrix(self, direct: Csr) -> Result<Self> {
         let n = self.cols();
-        if (direct.rows(), direct.cols()) != (n, n) {
-            return Err(Error::dimension(
-                "rows and columns of the direct part of a low-rank model",
-                format!("{n}x{n}"),
-                format!("{}x{}", direct.rows(), direct.cols()),
-            ));
-        }
+        let found = format!("{}x{}", direct.rows(), direct.cols());
+        let what = "rows and columns of the direct part of a low-rank model";
+        Error::check_size(what, format!("{n}x{n}"), found)?;
         let transposed = direct.transposed();
         Ok(Self { direct: Vec::new(), spread: Some(Arc::new([direct, transposed])), ..self })
     }
@@ -130,13 +122,7 @@ impl LowRank {
     /// The diagonal (`n`): the light that each pixel returns to itself.
     pub fn diagonal(&self) -> Vec<f64> {
         let mut diagonal = match (&self.spread, self.direct.is_empty()) {
-            (Some(both), _) => {
-                let entry = |row: usize| {
-                    let (columns, weights) = both[0].row(row);
-                    columns.binary_search(&(row as u32)).map_or(0.0, |at| weights[at])
-                };
-                (0..self.cols()).map(entry).collect()
-            }
+            (Some(both), _) => both[0].diagonal(),
             (None, true) => vec![0.0; self.cols()],
             (None, false) => self.direct.clone(),
         };
@@ -197,7 +183,7 @@ impl LowRank {
     }
 }
 
-fn add(sum: &mut [f64], factor: f64, vector: &[f64]) {
+pub(super) fn add(sum: &mut [f64], factor: f64, vector: &[f64]) {
     for (sum, value) in sum.iter_mut().zip(vector) {
         *sum += factor * value;
     }
@@ -225,6 +211,45 @@ impl Operator for LowRank {
 impl Adjoint for LowRank {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
         x.copy_from_slice(&self.dual(y));
+        Ok(())
+    }
+}
+
+/// One in `LAST` photos, the last ones, shows how much light an unseen direction sends.
+const LAST: usize = 4;
+
+impl LowRank {
+    /// The expected norm of the error of a product with `x` (`n` values), in the unit of the photos. It is the part of `x` outside the span
+    /// of the captured patterns, times the light that a new direction sends. A Krylov process finds directions that send much light first.
+    /// The last quarter of its photos therefore shows how much the next ones send; random patterns outside send less. Noise of the photos
+    /// is not counted.
+    pub fn error_of_rank(&self, x: &[f64]) -> f64 {
+        let photos = self.photos();
+        let newest = &photos[photos.len() - photos.len().div_ceil(LAST)..];
+        let sent: f64 = newest.iter().map(|photo| dot(photo, photo)).sum();
+        let mut rest = x.to_vec();
+        for vector in self.basis() {
+            let share = dot(vector, &rest);
+            add(&mut rest, -share, vector);
+        }
+        norm(&rest) * (sent / newest.len().max(1) as f64).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Result;
+
+    #[test]
+    fn captured_patterns_are_known_and_others_by_what_the_last_photos_sent() -> Result<()> {
+        let unit = |at: usize| (0..8).map(|i| f64::from(u8::from(i == at))).collect::<Vec<f64>>();
+        let scaled = |at: usize, by: f64| unit(at).iter().map(|value| by * value).collect::<Vec<f64>>();
+        // Photos that fade from 1 to 0.2.
+        let photos = vec![scaled(0, 1.0), scaled(1, 0.6), scaled(2, 0.4), scaled(3, 0.2)];
+        let model = LowRank::new((0..4).map(unit).collect(), photos, Vec::new(), true)?;
+        assert_eq!(model.error_of_rank(&scaled(2, 3.0)), 0.0);
+        assert!((model.error_of_rank(&scaled(6, 2.0)) - 0.4).abs() < 1e-15);
         Ok(())
     }
 }

@@ -7,7 +7,7 @@ use crate::analysis::{CompensateOptions, Target};
 use crate::error::Result;
 use crate::image::Image;
 use crate::krylov::Method;
-use crate::operator::{Adjoint, Observed, Operator, delegate};
+use crate::operator::{Observed, product};
 use crate::transport::Part;
 
 /// Photos for the optimum, which are free on the twin.
@@ -153,9 +153,7 @@ impl Planner<'_> {
 
     /// `‖b − A x‖ / ‖b‖` on the twin, where `x` is `pattern` as the projector shows it.
     fn residual(&self, ideal: &CompensationPlan, pattern: &Image) -> Result<f64> {
-        let mut operator = self.in_range()?;
-        let mut light = vec![0.0; operator.rows()];
-        operator.apply(&shown(&self.rig.projector, pattern), &mut light)?;
+        let light = product(&mut self.in_range()?, &shown(&self.rig.projector, pattern))?;
         let wanted: Vec<f64> = (ideal.target.plane(0).iter().zip(ideal.ambient.plane(0)))
             .map(|(target, ambient)| target * ideal.peak - ambient)
             .collect();
@@ -163,31 +161,10 @@ impl Planner<'_> {
         Ok((error / wanted.iter().map(|b| b * b).sum::<f64>()).sqrt())
     }
 
-    fn in_range(&self) -> Result<InRange<'_>> {
-        Ok(InRange { inner: self.twin.operator(Part::Full, 0)?, range: range_of(self.rig) })
-    }
-}
-
-/// The twin in units of the light that a pattern of 1 adds to a pattern of 0.
-struct InRange<'a> {
-    inner: TwinOperator<'a>,
-    range: f64,
-}
-
-impl Operator for InRange<'_> {
-    delegate!(inner: rows, cols, symmetry, block_size, observer);
-
-    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        self.inner.apply_block(xs, ys)?;
-        ys.iter_mut().flat_map(|y| y.iter_mut()).for_each(|value| *value *= self.range);
-        Ok(())
-    }
-}
-
-impl Adjoint for InRange<'_> {
-    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
-        self.inner.apply_adjoint_block(ys, xs)?;
-        xs.iter_mut().flat_map(|x| x.iter_mut()).for_each(|value| *value *= self.range);
-        Ok(())
+    /// The twin in units of the light that a pattern of 1 adds to a pattern of 0.
+    fn in_range(&self) -> Result<TwinOperator<'_>> {
+        let mut operator = self.twin.operator(Part::Full, 0)?;
+        operator.range = range_of(self.rig);
+        Ok(operator)
     }
 }

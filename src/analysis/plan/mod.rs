@@ -3,22 +3,21 @@
 //! The twin is a [`VirtualRig`] with all imperfections in its file, in front of exactly known light transport. The whole measurement runs
 //! on it with the noise of several seeds. Each result is compared with that of ideal devices. Patterns, frames and seconds are the twin's.
 
+use crate::analysis::segment::segment;
+use crate::analysis::{SegmentOptions, Segmentation, adjusted_rand_index};
+use crate::error::Result;
+use crate::krylov::{Eigs, EigsOptions, eigs, norm};
+use crate::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
+use crate::observer::Observer;
+use crate::operator::{Observed, Operator, product};
+use crate::rig::VirtualRig;
+use crate::transport::Part;
+
 mod compensation;
-mod eigenvalues;
-mod segmentation;
 mod twin;
 
 pub use compensation::{CompensationPlan, CompensationTrial, MethodTrial, MethodsTrial};
-pub use eigenvalues::EigenvaluesTrial;
-pub use segmentation::SegmentationTrial;
 pub use twin::Twin;
-
-use crate::error::Result;
-use crate::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
-use crate::observer::Observer;
-use crate::operator::Operator;
-use crate::rig::VirtualRig;
-use crate::transport::Part;
 
 /// The inputs of planning.
 #[derive(Clone, Copy)]
@@ -70,5 +69,96 @@ impl Cost {
             frames: effort.taken,
             seconds: effort.seconds,
         }
+    }
+}
+
+/// The eigenvalues on the twin and their errors.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct EigenvaluesTrial {
+    /// Their cost.
+    pub cost: Cost,
+    /// The difference of each eigenvalue from the ideal devices' one, relative to the largest. The norms of the white photos
+    /// convert the units.
+    pub errors: Vec<f64>,
+}
+
+impl Planner<'_> {
+    /// The eigenpairs with ideal devices, by the same method with the same number of photos. Fails as [`eigs`] does.
+    pub fn ideal_eigenpairs(&self, part: Part, options: &EigsOptions) -> Result<Eigs> {
+        eigs(&mut self.twin.operator(part, 0)?, options)
+    }
+
+    /// The eigenpairs with the noise of `seed`. `ideal` is from [`Planner::ideal_eigenpairs`]. Fails as [`eigs`] or the rig does.
+    pub fn eigenvalues(
+        &self,
+        part: Part,
+        options: &EigsOptions,
+        ideal: &Eigs,
+        seed: u64,
+    ) -> Result<EigenvaluesTrial> {
+        let mut measurement = self.measure(seed)?.in_luma();
+        let mut operator = measurement.operator(part, 0);
+        let found = eigs(&mut Observed::new(&mut operator, self.observer), options)?;
+        let mut full = self.twin.operator(Part::Full, 0)?;
+        let ones = vec![1.0; full.cols()];
+        let white = product(&mut full, &ones)?;
+        let scale = match measurement.white()?.planes.first() {
+            Some(plane) => norm(&white) / norm(&plane.values),
+            None => f64::NAN,
+        };
+        let largest = ideal.values.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
+        let errors = found.values.iter().zip(&ideal.values);
+        Ok(EigenvaluesTrial {
+            cost: Cost::of(&measurement, found.stats.products),
+            errors: errors.map(|(found, ideal)| (scale * found - ideal) / largest).collect(),
+        })
+    }
+}
+
+/// The result of a segmentation on the twin. Scores are adjusted Rand indices for each number of groups.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct SegmentationTrial {
+    /// Its cost.
+    pub cost: Cost,
+    /// The scores against the groups that the same method finds with ideal devices.
+    pub agreement: Vec<(usize, f64)>,
+    /// The scores against the true labels; empty if they are unknown.
+    pub truth: Vec<(usize, f64)>,
+}
+
+impl Planner<'_> {
+    /// The groups with ideal devices, by the same method with the same number of photos. Fails as [`segment`] does.
+    pub fn ideal_segmentation(&self, part: Part, options: &SegmentOptions) -> Result<Segmentation> {
+        segment(&mut self.twin.operator(part, 0)?, options)
+    }
+
+    /// Segments with the noise of `seed`. `ideal` is from [`Planner::ideal_segmentation`]; `labels` are true. Fails as
+    /// [`segment`] or the rig does.
+    pub fn segmentation(
+        &self,
+        part: Part,
+        options: &SegmentOptions,
+        ideal: &Segmentation,
+        labels: Option<&[u8]>,
+        seed: u64,
+    ) -> Result<SegmentationTrial> {
+        let mut measurement = self.measure(seed)?.in_luma();
+        let mut operator = measurement.operator(part, 0);
+        let found = segment(&mut Observed::new(&mut operator, self.observer), options)?;
+        let of_ideal = |groups| ideal.labels.iter().find(|(of, _)| *of == groups).map(|(_, labels)| labels);
+        let mut trial = SegmentationTrial {
+            cost: Cost::of(&measurement, found.photos),
+            agreement: Vec::new(),
+            truth: Vec::new(),
+        };
+        for (groups, found) in &found.labels {
+            if let Some(ideal) = of_ideal(*groups) {
+                trial.agreement.push((*groups, adjusted_rand_index(found, ideal)?));
+            }
+            if let Some(labels) = labels {
+                trial.truth.push((*groups, adjusted_rand_index(found, labels)?));
+            }
+        }
+        Ok(trial)
     }
 }

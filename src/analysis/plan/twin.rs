@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::image::Image;
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::operator::{Adjoint, Operator, Symmetry, delegate, product};
 use crate::rig::{VirtualProjector, VirtualRig};
 use crate::sparse::SparseOperator;
-use crate::transport::{Assembled, ExplicitMatrix, MatrixOperator, Part, Transport};
+use crate::transport::{Assembled, ExplicitMatrix, Part, Transport};
 
 /// Light transport that any number of rigs can use, one after the other.
 #[derive(Clone, Debug)]
@@ -29,20 +29,27 @@ impl Twin {
 
     /// One channel as an operator for the Krylov methods, in the matrix's own units. A well-formed matrix gives no error.
     pub fn operator(&self, part: Part, channel: usize) -> Result<TwinOperator<'_>> {
-        Ok(match self {
-            Self::Traced(traced) => TwinOperator::Traced(traced.operator(part, channel)),
-            Self::Explicit(given) => {
-                TwinOperator::Explicit(SparseOperator::new(ExplicitMatrix::part_of(given.matrix(), part)?))
+        let (inner, symmetry): (Box<dyn Adjoint + '_>, _) = match self {
+            Self::Traced(traced) => {
+                let operator = traced.operator(part, channel);
+                let symmetry = operator.symmetry();
+                (Box::new(operator), symmetry)
             }
-        })
+            Self::Explicit(given) => {
+                let matrix = ExplicitMatrix::part_of(given.matrix(), part)?;
+                // Rigs are coaxial. An explicit matrix may be symmetric only up to its own precision.
+                (Box::new(SparseOperator::new(matrix)), Symmetry::Symmetric)
+            }
+        };
+        Ok(TwinOperator { inner, symmetry, range: 1.0 })
     }
 
     /// The light without a pattern: the scene's own light, the rig's ambient light, and the projector's black level. The
     /// unit is the unit of [`Twin::operator`] times [`range_of`]. A well-formed matrix gives no error.
     pub(super) fn ambient(&self, rig: &VirtualRig, channel: usize) -> Result<Vec<f64>> {
         let mut operator = self.operator(Part::Full, channel)?;
-        let mut white = vec![0.0; operator.rows()];
-        operator.apply(&vec![1.0; operator.cols()], &mut white)?;
+        let ones = vec![1.0; operator.cols()];
+        let white = product(&mut operator, &ones)?;
         let mean = white.iter().sum::<f64>() / white.len() as f64;
         let own = match self {
             Self::Traced(traced) => traced.ambient.plane(channel),
@@ -73,60 +80,38 @@ pub(super) fn shown(projector: &VirtualProjector, pattern: &Image) -> Vec<f64> {
 }
 
 /// One channel of a [`Twin`].
-pub enum TwinOperator<'a> {
-    /// A channel of a traced scene.
-    Traced(MatrixOperator<'a>),
-    /// An explicit matrix.
-    Explicit(SparseOperator),
+pub struct TwinOperator<'a> {
+    inner: Box<dyn Adjoint + 'a>,
+    symmetry: Symmetry,
+    /// The factor of all products.
+    pub(super) range: f64,
 }
 
 impl TwinOperator<'_> {
-    fn inner(&mut self) -> &mut dyn Adjoint {
-        match self {
-            Self::Traced(operator) => operator,
-            Self::Explicit(operator) => operator,
-        }
+    fn scale(&self, products: &mut [&mut [f64]]) {
+        products.iter_mut().flat_map(|product| product.iter_mut()).for_each(|value| *value *= self.range);
     }
 }
 
 impl Operator for TwinOperator<'_> {
-    fn rows(&self) -> usize {
-        match self {
-            Self::Traced(operator) => operator.rows(),
-            Self::Explicit(operator) => operator.rows(),
-        }
-    }
+    delegate!(inner: rows, cols, block_size);
 
-    fn cols(&self) -> usize {
-        match self {
-            Self::Traced(operator) => operator.cols(),
-            Self::Explicit(operator) => operator.cols(),
-        }
-    }
-
-    /// Rigs are coaxial. An explicit matrix may be symmetric only up to its own precision.
     fn symmetry(&self) -> Symmetry {
-        match self {
-            Self::Traced(operator) => operator.symmetry(),
-            Self::Explicit(_) => Symmetry::Symmetric,
-        }
+        self.symmetry
     }
 
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        self.inner().apply_block(xs, ys)
-    }
-
-    fn block_size(&self) -> usize {
-        match self {
-            Self::Traced(operator) => operator.block_size(),
-            Self::Explicit(operator) => operator.block_size(),
-        }
+        self.inner.apply_block(xs, ys)?;
+        self.scale(ys);
+        Ok(())
     }
 }
 
 impl Adjoint for TwinOperator<'_> {
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
-        self.inner().apply_adjoint_block(ys, xs)
+        self.inner.apply_adjoint_block(ys, xs)?;
+        self.scale(xs);
+        Ok(())
     }
 }
 

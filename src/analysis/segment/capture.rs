@@ -1,21 +1,18 @@
 //! The photos of a segmentation, taken once for any number of groups. A capture can be resumed after an error.
 
-use super::adjacency::NormalizedAdjacency;
 use super::confirm::{Unseen, unseen};
+use super::cut_matrix::CutMatrix;
 use super::graph::Graph;
-use super::laplacian::NegativeLaplacian;
 use super::low_pass::low_pass;
 use super::options::{Cut, SegmentOptions};
 use super::regions::KEPT;
-use super::segmentation::{Segmentation, Taken};
+use super::segmentation::Segmentation;
 use crate::analysis::low_rank::smooth_starts;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::krylov::{
-    BlockLanczos, Eigs, EigsOptions, Factorization, HistoryRow, Start, Status, Which, eigs_from,
-};
+use crate::krylov::{Eigs, EigsOptions, Factorization, HistoryRow, Start, Status, Which, eigs_from};
 use crate::observer::{Estimate, Observer, Step};
-use crate::operator::{Operator, Relayed, Symmetry};
+use crate::operator::{Operator, Relayed, Symmetry, product};
 
 /// The photos of a segmentation and the Krylov process built from them.
 ///
@@ -28,10 +25,10 @@ pub struct Capture {
     photos_of_degree: usize,
     white: Option<Vec<f64>>,
     graph: Option<Graph>,
-    lanczos: Option<BlockLanczos>,
+    lanczos: Option<Factorization>,
     history: Vec<HistoryRow>,
     status: Option<Status>,
-    unseen: Unseen,
+    pub(super) unseen: Unseen,
 }
 
 impl Capture {
@@ -68,32 +65,31 @@ impl Capture {
     /// [`Error::Numerical`] if `global` is not declared symmetric, sees no light, or yields NaN; [`Error::Option`] naming
     /// `--groups` if fewer pixels than groups have light; [`Error::Dimension`] if `global` is not square or differs in size from
     /// earlier photos; any error of `global`.
-    pub fn run<O: Operator + ?Sized>(&mut self, global: &mut O) -> Result<()> {
-        let mut global = global;
-        self.run_with(&mut global)?;
+    pub fn run(&mut self, global: &mut dyn Operator) -> Result<()> {
+        self.take_photos(global)?;
         if self.status != Some(Status::Stopped)
             && let (Some(graph), Some(lanczos)) = (&self.graph, &self.lanczos)
         {
-            self.unseen = unseen(&mut global, graph, lanczos, &self.options)?;
+            self.unseen = unseen(global, graph, lanczos, &self.options)?;
         }
         Ok(())
     }
 
-    fn run_with(&mut self, global: &mut dyn Operator) -> Result<()> {
+    fn take_photos(&mut self, global: &mut dyn Operator) -> Result<()> {
         self.status = None;
         self.measure_graph(global)?;
         let Some(graph) = &self.graph else { return Ok(()) };
         if self.lanczos.is_none() {
             let starts = starts(&self.options, graph, 0);
-            let known = known_vector(self.options.cut, graph);
-            let mut lanczos = BlockLanczos::new(&starts, std::slice::from_ref(&known))?;
+            let known = self.options.cut.known_vector(graph);
+            let mut lanczos = Factorization::block_lanczos(&starts, std::slice::from_ref(&known))?;
             if let Some(resolution) = known_pixels(&self.options, graph) {
                 lanczos = lanczos.filtered(low_pass(graph, &known, resolution));
             }
             self.lanczos = Some(lanczos);
         }
         loop {
-            let block = self.lanczos.as_ref().map_or(0, BlockLanczos::block);
+            let block = self.lanczos.as_ref().map_or(0, Factorization::block);
             let photos = self.options.photos - self.photos_of_degree;
             // The number of starts is judged after as many rounds as the default gives each start. Others never join a single start.
             let stage = if block == 1 { photos } else { photos.min(ROUNDS * block) };
@@ -151,16 +147,8 @@ impl Capture {
             history.push(row);
             flow
         };
-        match self.options.cut {
-            Cut::Normalized => {
-                let mut operator = NormalizedAdjacency::new(global, graph);
-                eigs_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)
-            }
-            Cut::Average => {
-                let mut operator = NegativeLaplacian::new(global, graph);
-                eigs_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)
-            }
-        }
+        let mut operator = CutMatrix::new(global, graph, self.options.cut);
+        eigs_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)
     }
 
     /// The segmentation from the photos taken so far, without further photos or any change of the capture. An observer may stop a
@@ -186,19 +174,7 @@ impl Capture {
         if lanczos.steps() == 0 {
             return Err(too_early());
         }
-        // The starts can find as many copies of an eigenvalue as there are starts. One more eigenvalue shows the gap after the regions.
-        let wanted = (options.eigenvectors - 1).max(lanczos.block() + 1);
-        let pairs = lanczos.ritz(Which::LargestAlgebraic, wanted)?;
-        let vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| lanczos.ritz_vector(pair)).collect();
-        let taken = Taken {
-            options,
-            photos: self.photos(),
-            history: &self.history,
-            status: self.status,
-            starts: lanczos.block(),
-            unseen: self.unseen,
-        };
-        Segmentation::from_vectors(&taken, graph, &pairs, vectors)
+        Segmentation::of(self, options, graph, lanczos)
     }
 
     /// One row per Lanczos photo.
@@ -231,13 +207,13 @@ impl Capture {
             return Ok(());
         }
         if self.white.is_none() {
-            self.white = Some(photo(global, &vec![1.0; n])?);
+            self.white = Some(product(global, &vec![1.0; n])?);
             self.photos_of_degree = 1;
         }
         let Some(white) = &self.white else { return Ok(()) };
         let photos = &mut self.photos_of_degree;
         let graph = Graph::measure(white, self.options.mask_below, self.options.mu, |pattern| {
-            let photo = photo(global, pattern)?;
+            let photo = product(global, pattern)?;
             *photos += 1;
             Ok(photo)
         })?;
@@ -259,12 +235,6 @@ fn check_enough(graph: &Graph, groups: &[usize]) -> Result<()> {
     Ok(())
 }
 
-fn photo(global: &mut dyn Operator, pattern: &[f64]) -> Result<Vec<f64>> {
-    let mut photo = vec![0.0; pattern.len()];
-    global.apply(pattern, &mut photo)?;
-    Ok(photo)
-}
-
 fn too_early() -> Error {
     Error::Numerical("the capture ended before a first eigenvector could be computed".into())
 }
@@ -274,16 +244,9 @@ const ROUNDS: usize = 4;
 
 /// Whether the number of eigenvalues that may belong to regions reaches the number of starting patterns. Further regions may then
 /// have been missed. The average cut has no scale for this decision.
-fn is_saturated(lanczos: &BlockLanczos, cut: Cut) -> Result<bool> {
+fn is_saturated(lanczos: &Factorization, cut: Cut) -> Result<bool> {
     let pairs = lanczos.ritz(Which::LargestAlgebraic, lanczos.block())?;
     Ok(cut == Cut::Normalized && pairs.iter().all(|pair| pair.value >= KEPT))
-}
-
-fn known_vector(cut: Cut, graph: &Graph) -> Vec<f64> {
-    match cut {
-        Cut::Normalized => NormalizedAdjacency::known_vector(graph),
-        Cut::Average => NegativeLaplacian::known_vector(graph),
-    }
 }
 
 fn known_pixels(options: &SegmentOptions, graph: &Graph) -> Option<Resolution> {
@@ -295,7 +258,7 @@ fn known_pixels(options: &SegmentOptions, graph: &Graph) -> Option<Resolution> {
 /// known vector times a constant on each region.
 fn starts(options: &SegmentOptions, graph: &Graph, before: usize) -> Vec<Vec<f64>> {
     let (m, count) = (graph.pixels().len(), options.start_count());
-    let known = known_vector(options.cut, graph);
+    let known = options.cut.known_vector(graph);
     match known_pixels(options, graph).filter(|_| count > 1) {
         None => {
             let seed = options.seed.wrapping_add(before as u64);

@@ -4,9 +4,9 @@ use super::embedding::Embedding;
 use super::graph::Graph;
 use super::options::Cut;
 use super::regions::KEPT;
-use super::{NormalizedAdjacency, SegmentOptions};
+use super::{CutMatrix, SegmentOptions};
 use crate::error::Result;
-use crate::krylov::{BlockLanczos, Completeness, Confirm, Factorization, Which, confirming, largest_beside};
+use crate::krylov::{Completeness, Confirm, Factorization, Which, confirming, largest_beside};
 use crate::operator::Operator;
 
 /// Knowledge about regions that a capture may have missed.
@@ -25,7 +25,7 @@ pub struct Unseen {
 pub(super) fn unseen(
     global: &mut dyn Operator,
     graph: &Graph,
-    lanczos: &BlockLanczos,
+    lanczos: &Factorization,
     options: &SegmentOptions,
 ) -> Result<Unseen> {
     let (is_free, found) = confirming(global, |global, is_free| {
@@ -47,14 +47,14 @@ const MOST_LOCAL: u64 = 12;
 fn beside(
     global: &mut dyn Operator,
     graph: &Graph,
-    lanczos: &BlockLanczos,
+    lanczos: &Factorization,
     (seed, how): (u64, Confirm),
 ) -> Result<Unseen> {
     let pairs = lanczos.ritz(Which::LargestAlgebraic, lanczos.steps())?;
     let regions = pairs.iter().take_while(|pair| pair.value >= KEPT).count();
     let mut known = lanczos.known().to_vec();
     known.extend(pairs[..regions].iter().map(|pair| lanczos.ritz_vector(pair)));
-    let mut operator = NormalizedAdjacency::new(global, graph);
+    let mut operator = CutMatrix::new(global, graph, Cut::Normalized);
     let mut unseen = Unseen::default();
     for round in 0..MOST_LOCAL {
         let seed = seed.wrapping_add(round);

@@ -1,10 +1,13 @@
-//! Evidence for groups: each is lit alone, to measure where its light goes.
+//! Views of a segmentation: where the light of its groups goes, distances between pixels, and the agreement with other labels.
 //!
-//! The photo under a group's own pixels shows all pixels that its light reaches. Summed over groups, these photos give the
+//! For the evidence, each group is lit alone. The photo under a group's own pixels shows all pixels that its light reaches. Summed over groups, these photos give the
 //! exchanged light, `E_ab = 1_aᵀ G 1_b`, and the value of the cut, `Σ_a (1 − E_aa / Σ_b E_ab)`, without any model.
 
-use super::segmentation::MASKED;
+use std::collections::BTreeMap;
+
+use super::{MASKED, Segmentation};
 use crate::error::{Error, Result};
+use crate::image::Resolution;
 use crate::operator::{Operator, each_product};
 
 /// The photos of a segmentation's groups, each lit alone.
@@ -33,8 +36,8 @@ impl Evidence {
 /// Lights each group of `labels` (`n`; 255 is masked and dark) alone, with one photo each by `operator`. Fails with
 /// [`Error::Dimension`] if there is not one label per pixel, or as the operator does.
 pub fn evidence(operator: &mut dyn Operator, labels: &[u8]) -> Result<Evidence> {
-    if labels.len() != operator.cols() || labels.len() != operator.rows() {
-        return Err(Error::dimension("labels of the groups to be lit", operator.cols(), labels.len()));
+    for side in [operator.cols(), operator.rows()] {
+        Error::check_size("labels of the groups to be lit", side, labels.len())?;
     }
     let last = labels.iter().copied().filter(|&label| label != MASKED).max();
     let groups = last.map_or(0, |last| usize::from(last) + 1);
@@ -55,4 +58,145 @@ pub fn evidence(operator: &mut dyn Operator, labels: &[u8]) -> Result<Evidence> 
         Ok(())
     })?;
     Ok(Evidence { groups, photos, exchange })
+}
+
+/// Chosen pixels in the space of eigenvectors.
+#[derive(Clone, Debug)]
+pub struct FeatureView {
+    /// The column and row of each pixel.
+    pub pixels: Vec<(usize, usize)>,
+    /// The coordinates of each pixel (`k − 1` numbers), starting with the second eigenvector.
+    pub coordinates: Vec<Vec<f64>>,
+    /// The distances between the pixels, row by row, relative to the root mean square distance of all pixels from the origin. A
+    /// pixel that exchanges light equally with all others would be at the origin.
+    pub distances: Vec<Vec<f64>>,
+}
+
+/// Computes the coordinates and distances of pixels, given by column and row. Fails with [`Error::Option`] naming `--features`
+/// for a pixel that lies outside the raster or is masked and so has no coordinates.
+pub fn feature_view(
+    found: &Segmentation,
+    resolution: Resolution,
+    pixels: &[(usize, usize)],
+) -> Result<FeatureView> {
+    let refuse = |(x, y): (usize, usize), fault: &str, help: String| {
+        Err(Error::option("--features", format!("pixel {x},{y} {fault}")).help(help))
+    };
+    for &(x, y) in pixels {
+        if x >= resolution.width || y >= resolution.height {
+            return refuse((x, y), "is outside of the picture", format!("it has {resolution} pixels"));
+        }
+        if found.mask[y * resolution.width + x] {
+            let help = "choose one with light that reached it from elsewhere".to_owned();
+            return refuse((x, y), "is masked: it exchanges no light", help);
+        }
+    }
+    let coordinates: Vec<Vec<f64>> =
+        pixels.iter().map(|&(x, y)| found.feature(y * resolution.width + x)).collect();
+    // `within` holds Σ w u² of each eigenvector's clamped entries u.
+    let squares = found.embedding.weights.iter().zip(&found.embedding.within);
+    let spread = squares.map(|(weight, within)| weight * weight * within).sum::<f64>()
+        / found.weights.iter().sum::<f64>();
+    let scale = spread.sqrt().max(f64::MIN_POSITIVE);
+    let distance = |a: &Vec<f64>, b: &Vec<f64>| {
+        a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt() / scale
+    };
+    let distances =
+        coordinates.iter().map(|a| coordinates.iter().map(|b| distance(a, b)).collect()).collect();
+    Ok(FeatureView { pixels: pixels.to_vec(), coordinates, distances })
+}
+
+/// The labels given by a scene's author.
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+pub struct Truth {
+    /// The region of each pixel (`n`), or [`MASKED`].
+    pub labels: Vec<u8>,
+    /// The regions' names.
+    pub regions: Vec<String>,
+}
+
+impl Truth {
+    /// The number of regions that are visible in some pixel.
+    pub fn seen(&self) -> usize {
+        (0..MASKED).filter(|region| self.labels.contains(region)).count()
+    }
+
+    /// The adjusted Rand index of a segmentation for each of its numbers of groups.
+    /// Fails with [`crate::Error::Dimension`] if the segmentation has another number of pixels.
+    pub fn scores(&self, segmentation: &Segmentation) -> Result<Vec<(usize, f64)>> {
+        let score =
+            |(groups, labels): &(usize, Vec<u8>)| Ok((*groups, adjusted_rand_index(labels, &self.labels)?));
+        segmentation.labels.iter().map(score).collect()
+    }
+}
+
+/// The adjusted Rand index of two labellings: 1 if they are equal up to label names, 0 on average for random labels, and negative below
+/// that. Pixels labelled 255 (masked) in either are ignored. The index is 1 for at most one pixel, or for one group in both.
+///
+/// With `n_ij` pixels in group `i` of the first and `j` of the second labelling, group sizes `a` and `b`, and `C(x) = x(x−1)/2`:
+///
+/// ```text
+/// E = Σ C(a_i) · Σ C(b_j) / C(n),    ARI = (Σ C(n_ij) − E) / ((Σ C(a_i) + Σ C(b_j))/2 − E)
+/// ```
+///
+/// Hubert and Arabie, *Comparing partitions*, Journal of Classification 2 (1985), doi:10.1007/BF01908075.
+///
+/// # Errors
+/// [`Error::Dimension`] if the lengths differ.
+pub fn adjusted_rand_index(a: &[u8], b: &[u8]) -> Result<f64> {
+    Error::check_size("labels to compare", a.len(), b.len())?;
+    let mut both = BTreeMap::new();
+    let mut left = BTreeMap::new();
+    let mut right = BTreeMap::new();
+    let mut count = 0_u64;
+    for (&a, &b) in a.iter().zip(b).filter(|&(&a, &b)| a != MASKED && b != MASKED) {
+        *both.entry((a, b)).or_insert(0_u64) += 1;
+        *left.entry(a).or_insert(0_u64) += 1;
+        *right.entry(b).or_insert(0_u64) += 1;
+        count += 1;
+    }
+    let pairs = |size: u64| size as f64 * (size as f64 - 1.0) / 2.0;
+    let together: f64 = both.values().map(|&size| pairs(size)).sum();
+    let in_left: f64 = left.values().map(|&size| pairs(size)).sum();
+    let in_right: f64 = right.values().map(|&size| pairs(size)).sum();
+    let all = pairs(count);
+    let by_chance = if all > 0.0 { in_left * in_right / all } else { 0.0 };
+    let best = (in_left + in_right) / 2.0;
+    // With a single group in both, or single pixels as groups in both, the labellings agree and the formula is 0/0.
+    Ok(if best == by_chance { 1.0 } else { (together - by_chance) / (best - by_chance) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn index(a: &[u8], b: &[u8]) -> f64 {
+        adjusted_rand_index(a, b).expect("equal lengths")
+    }
+
+    #[test]
+    fn names_do_not_matter_and_masked_pixels_do_not_count() {
+        assert_eq!(index(&[0, 0, 1, 1, 2], &[7, 7, 3, 3, 0]), 1.0);
+        assert_eq!(index(&[0, 0, 255, 1, 1, 0], &[1, 1, 0, 0, 0, 255]), 1.0);
+    }
+
+    #[test]
+    fn agrees_with_a_table_worked_by_hand() {
+        // n_ij = [[2, 1], [0, 3]]: together 1 + 3 = 4, a: 3 + 3 = 6, b: 1 + 6 = 7, all 15, by chance 2.8.
+        let value = index(&[0, 0, 0, 1, 1, 1], &[0, 0, 1, 1, 1, 1]);
+        assert!((value - (4.0 - 2.8) / (6.5 - 2.8)).abs() < 1e-15, "{value}");
+    }
+
+    #[test]
+    fn crossed_groups_score_below_zero() {
+        assert!((index(&[0, 0, 1, 1], &[0, 1, 0, 1]) + 0.5).abs() < 1e-15, "rounding of 2/3");
+    }
+
+    #[test]
+    fn trivial_labellings_agree() {
+        assert_eq!(index(&[0, 0, 0], &[4, 4, 4]), 1.0);
+        assert_eq!(index(&[0, 1, 2], &[2, 0, 1]), 1.0);
+        assert_eq!(index(&[255, 255], &[0, 1]), 1.0);
+        assert!(adjusted_rand_index(&[0], &[0, 1]).is_err());
+    }
 }

@@ -1,7 +1,6 @@
 //! The graph of light exchange. Its nodes are pixels, and its edge weights are the global light between them.
 
 use crate::error::{Error, Result};
-use crate::operator::{Operator, block, block_mut};
 
 /// Below this share, the light of masked pixels needs no second photo: the known eigenvector is accurate to the root of this share, 1e-8.
 const NEGLIGIBLE_LEAK: f64 = 1e-16;
@@ -101,62 +100,13 @@ impl Graph {
         raster
     }
 
-    /// Computes `out ← W x = (G_m + μ 1 1ᵀ) x` on nodes with one photo.
-    pub(super) fn weights_product(
-        &self,
-        global: &mut dyn Operator,
-        x: &[f64],
-        raster: &mut Raster,
-        out: &mut [f64],
-    ) -> Result<()> {
-        self.fill(x, &mut raster.pattern);
-        global.apply(&raster.pattern, &mut raster.photo)?;
-        self.gather(x, &raster.photo, out);
-        Ok(())
-    }
-
-    /// The same as [`Graph::weights_product`], for all of `xs` as a block.
-    pub(super) fn weights_block(
-        &self,
-        global: &mut dyn Operator,
-        xs: &[&[f64]],
-        outs: &mut [&mut [f64]],
-    ) -> Result<()> {
-        let mut patterns = vec![vec![0.0; self.n]; xs.len()];
-        let mut photos = patterns.clone();
-        xs.iter().zip(&mut patterns).for_each(|(x, pattern)| self.fill(x, pattern));
-        global.apply_block(&block(&patterns), &mut block_mut(&mut photos))?;
-        for ((x, photo), out) in xs.iter().zip(&photos).zip(outs) {
-            self.gather(x, photo, out);
-        }
-        Ok(())
-    }
-
-    fn fill(&self, x: &[f64], pattern: &mut [f64]) {
-        for (&pixel, &value) in self.pixels.iter().zip(x) {
-            pattern[pixel] = value;
-        }
-    }
-
-    fn gather(&self, x: &[f64], photo: &[f64], out: &mut [f64]) {
+    /// Writes `W x = (G_m + μ 1 1ᵀ) x` on nodes to `y`, from the photo of the pattern `x`.
+    pub(super) fn weights_product(&self, x: &[f64], photo: &[f64], y: &mut [f64]) {
         // The term μ 1 1ᵀ x is computed, not photographed.
         let everywhere = if self.mu == 0.0 { 0.0 } else { self.mu * x.iter().sum::<f64>() };
-        for (value, &pixel) in out.iter_mut().zip(&self.pixels) {
+        for (value, &pixel) in y.iter_mut().zip(&self.pixels) {
             *value = photo[pixel] + everywhere;
         }
-    }
-}
-
-/// Buffers for a pattern (masked pixels stay 0) and its photo.
-#[derive(Debug)]
-pub(super) struct Raster {
-    pattern: Vec<f64>,
-    photo: Vec<f64>,
-}
-
-impl Raster {
-    pub(super) fn new(n: usize) -> Self {
-        Self { pattern: vec![0.0; n], photo: vec![0.0; n] }
     }
 }
 

@@ -11,40 +11,34 @@
 //! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5; for the photos, *Optical computing for
 //! fast light transport analysis*, 2010, doi:10.1145/1882261.1866165.
 
-mod adjacency;
 mod capture;
 mod confirm;
+mod cut_matrix;
 mod embedding;
 mod evidence;
-mod features;
 mod graph;
 mod grouping;
-mod laplacian;
 mod low_pass;
 mod options;
 mod regions;
 mod segmentation;
-mod truth;
 
-pub use adjacency::NormalizedAdjacency;
 pub use capture::Capture;
 pub use confirm::Unseen;
+pub use cut_matrix::CutMatrix;
 pub use embedding::Embedding;
-pub use evidence::{Evidence, evidence};
-pub use features::{FeatureView, feature_view};
+pub use evidence::{Evidence, FeatureView, Truth, adjusted_rand_index, evidence, feature_view};
 pub use graph::Graph;
-pub use laplacian::NegativeLaplacian;
 pub use options::{Cut, SegmentOptions};
 pub use regions::{KEPT, Regions};
 pub use segmentation::{MASKED, SURE, Segmentation, possible};
-pub use truth::Truth;
 
 use crate::error::Result;
 use crate::operator::Operator;
 
 /// Segments a scene within a budget of photos. `global` is its symmetric transport matrix (`n × n`) without the direct part. A [`Capture`]
 /// keeps the photos taken before a failure. Fails as [`Capture::new`], [`Capture::run`] and [`Capture::segmentation`] do.
-pub fn segment<O: Operator + ?Sized>(global: &mut O, options: &SegmentOptions) -> Result<Segmentation> {
+pub fn segment(global: &mut dyn Operator, options: &SegmentOptions) -> Result<Segmentation> {
     let mut capture = Capture::new(options.clone())?;
     capture.run(global)?;
     capture.segmentation()

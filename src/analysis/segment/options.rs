@@ -17,16 +17,6 @@ pub enum Cut {
     Average,
 }
 
-impl Cut {
-    /// The factor that turns the eigenvalues that Lanczos finds (the largest) into those of the cut.
-    pub(super) fn sign(self) -> f64 {
-        match self {
-            Self::Normalized => 1.0,
-            Self::Average => -1.0,
-        }
-    }
-}
-
 /// The options of [`segment`](super::segment()).
 #[derive(Clone, Debug)]
 pub struct SegmentOptions {

@@ -1,15 +1,15 @@
 //! The segmentation that follows from eigenvectors.
 
-use super::confirm::Unseen;
+use super::Regions;
+use super::capture::Capture;
 use super::embedding::{Embedding, mean};
 use super::graph::Graph;
 use super::grouping::{confidence, divided};
 use super::options::{Cut, SegmentOptions};
-use super::{NegativeLaplacian, NormalizedAdjacency, Regions};
 use crate::analysis::kmeans::{Clusters, KmeansOptions, kmeans};
 use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio, SIGMAS};
-use crate::krylov::{HistoryRow, RitzPair, Status};
+use crate::krylov::{Factorization, HistoryRow, RitzPair, Which};
 
 /// Labels are bytes, and 255 is the label of masked pixels.
 const MOST_GROUPS: usize = 254;
@@ -63,15 +63,6 @@ pub struct Segmentation {
     pub status: String,
 }
 
-pub(super) struct Taken<'a> {
-    pub(super) options: &'a SegmentOptions,
-    pub(super) photos: usize,
-    pub(super) history: &'a [HistoryRow],
-    pub(super) status: Option<Status>,
-    pub(super) starts: usize,
-    pub(super) unseen: Unseen,
-}
-
 impl Segmentation {
     /// A pixel's coordinates for k-means: its weighted entries in all eigenvectors but the known one (`k − 1` numbers).
     pub fn feature(&self, pixel: usize) -> Vec<f64> {
@@ -102,14 +93,18 @@ impl Segmentation {
         vec![possible(largest, 0.0)]
     }
 
-    pub(super) fn from_vectors(
-        taken: &Taken<'_>,
+    /// The segmentation with these options by the photos of a capture so far, which has taken a step.
+    pub(super) fn of(
+        capture: &Capture,
+        options: &SegmentOptions,
         graph: &Graph,
-        pairs: &[RitzPair],
-        mut vectors: Vec<Vec<f64>>,
+        lanczos: &Factorization,
     ) -> Result<Self> {
-        let options = taken.options;
-        let (known, known_value, known_residual) = known_pair(options.cut, graph);
+        // The starts can find as many copies of an eigenvalue as there are starts. One more eigenvalue shows the gap after the regions.
+        let wanted = (options.eigenvectors - 1).max(lanczos.block() + 1);
+        let pairs = lanczos.ritz(Which::LargestAlgebraic, wanted)?;
+        let mut vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| lanczos.ritz_vector(pair)).collect();
+        let known = options.cut.known_vector(graph);
         let length = crate::krylov::norm(&known);
         vectors.insert(0, known.iter().map(|value| value / length).collect());
         if options.cut == Cut::Normalized {
@@ -123,11 +118,11 @@ impl Segmentation {
             Cut::Normalized => graph.degree().to_vec(),
             Cut::Average => vec![1.0; graph.degree().len()],
         };
-        let mut embedding = Embedding::new(options.cut, graph, pairs, &vectors, &weights);
+        let mut embedding = Embedding::new(options.cut, graph, &pairs, &vectors, &weights);
         let norm = if options.cut == Cut::Normalized { 1.0 } else { mean(graph.degree()) };
         let mut regions =
-            count_regions(&embedding, pairs, &vectors, &weights, (norm, taken.starts, taken.options.leak));
-        regions.confirm(taken.unseen);
+            count_regions(&embedding, &pairs, &vectors, &weights, (norm, lanczos.block(), options.leak));
+        regions.confirm(capture.unseen);
         // Eigenvectors beyond the requested number only served to count the regions.
         let most = if options.groups.is_empty() { regions.count } else { 0 };
         let kept = vectors.len().min(options.eigenvectors.max(most));
@@ -150,14 +145,15 @@ impl Segmentation {
         });
         let resolved = 1 + pairs.iter().filter(|pair| pair.is_resolved(RESOLVED, norm)).count();
         let sign = options.cut.sign();
-        let ended = taken.status.map_or("the capture broke off".into(), |status| status.to_string());
+        let known_value = if options.cut == Cut::Normalized { 1.0 } else { 0.0 };
+        let ended = capture.status().map_or("the capture broke off".into(), |status| status.to_string());
         Ok(Self {
             labels: labels.collect(),
             confidence: confidence.collect(),
             eigenvalues: std::iter::once(known_value)
                 .chain(pairs.iter().map(|pair| sign * pair.value))
                 .collect(),
-            residuals: std::iter::once(known_residual)
+            residuals: std::iter::once(options.cut.known_residual(graph))
                 .chain(pairs.iter().map(|pair| pair.residual))
                 .collect(),
             eigenvectors: vectors.iter().map(|vector| graph.scatter(vector, 0.0)).collect(),
@@ -166,11 +162,11 @@ impl Segmentation {
             degree: graph.scatter(graph.degree(), 0.0),
             mask: graph.mask(),
             cut: options.cut,
-            photos: taken.photos,
-            history: taken.history.to_vec(),
+            photos: capture.photos(),
+            history: capture.history().to_vec(),
             status: format!(
                 "{} photos: {ended}; {resolved} of {} eigenvectors have a residual below {RESOLVED}{}",
-                taken.photos,
+                capture.photos(),
                 options.eigenvectors.max(kept),
                 match embedding.local() {
                     0 => String::new(),
@@ -191,18 +187,6 @@ pub fn possible(largest: f64, error: f64) -> Finding {
     let help = "what is measured is not light alone: look for noise, drift, or direct light that is not removed (`krylux audit`)";
     Finding::graded("eigenvalues", grade, found, format!("at most {bound}"), help)
         .measured(largest, error, bound)
-}
-
-/// The eigenvector that is known in advance, its eigenvalue, and a bound on its residual.
-fn known_pair(cut: Cut, graph: &Graph) -> (Vec<f64>, f64, f64) {
-    match cut {
-        Cut::Normalized => {
-            (NormalizedAdjacency::known_vector(graph), 1.0, NormalizedAdjacency::known_residual(graph))
-        }
-        Cut::Average => {
-            (NegativeLaplacian::known_vector(graph), 0.0, NegativeLaplacian::known_residual(graph))
-        }
-    }
 }
 
 /// One group per region. A group whose coordinates show two is divided. The eigenvalues do not count a region before its eigenvector is

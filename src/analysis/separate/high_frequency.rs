@@ -12,7 +12,7 @@ use crate::analysis::separate::Separation;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::measure::{checkerboard, code_patterns};
-use crate::operator::{Operator, each_product};
+use crate::operator::{Operator, check_square, each_product};
 
 /// Separates with `shifts²` photos of checkerboards by `operator` (`n × n`, all light). The squares have a side of `square` pixels and are
 /// shifted in steps of `2·square/shifts` pixels in both directions. Nayar et al. take 5² photos with squares of 3 or more pixels.
@@ -131,13 +131,7 @@ impl Sums {
 impl LineFit {
     pub(super) fn new(operator: &dyn Operator, resolution: Resolution) -> Result<Self> {
         let n = resolution.pixels();
-        if operator.rows() != n || operator.cols() != n {
-            return Err(Error::dimension(
-                "the transport operator of a separation",
-                format!("{n}x{n}"),
-                format!("{}x{}", operator.rows(), operator.cols()),
-            ));
-        }
+        check_square("the transport operator of a separation", n, operator)?;
         Ok(Self { photos: 0, sums: vec![Sums::default(); n] })
     }
 

@@ -59,7 +59,8 @@ pub(crate) fn additivity(lit: &Plane, rest: &Plane, white: &Plane, bound: f64) -
     )
 }
 
-pub(crate) fn homogeneity(photo: &Plane, scaled: &[(f64, Plane)], bound: f64) -> Finding {
+/// The largest relative deviation of the photos of shares of a pattern from these shares of `photo`, its standard error, and the share.
+fn largest_deviation(photo: &Plane, scaled: &[(f64, Plane)]) -> (Ratio, f64, f64) {
     let norm: f64 = photo.values.iter().map(|value| value * value).sum();
     let mut worst = (Ratio::from(0.0), 0.0, 0.0);
     for (share, dimmed) in scaled {
@@ -75,7 +76,11 @@ pub(crate) fn homogeneity(photo: &Plane, scaled: &[(f64, Plane)], bound: f64) ->
             worst = (off, variance.sqrt() / norm, *share);
         }
     }
-    let (figure, error, share) = worst;
+    worst
+}
+
+pub(crate) fn homogeneity(photo: &Plane, scaled: &[(f64, Plane)], bound: f64) -> Finding {
+    let (figure, error, share) = largest_deviation(photo, scaled);
     Finding::judged(
         "homogeneity",
         figure,
@@ -91,17 +96,12 @@ pub(crate) fn homogeneity(photo: &Plane, scaled: &[(f64, Plane)], bound: f64) ->
     )
 }
 
-pub(crate) fn repeatability(first: &Plane, last: &Plane, bound: f64) -> Finding {
-    let (mut dot, mut norm, mut variance) = (0.0, 0.0, 0.0);
-    for pixel in 0..first.values.len() {
-        dot += first.values[pixel] * last.values[pixel];
-        norm += first.values[pixel].powi(2);
-        variance += first.values[pixel].powi(2) * (first.variance[pixel] + last.variance[pixel]);
-    }
+pub(crate) fn repeatability(first: &Plane, last: Plane, bound: f64) -> Finding {
+    let (figure, error, _) = largest_deviation(first, &[(1.0, last)]);
     Finding::judged(
         "repeatability",
-        Ratio::of((dot - norm).abs(), norm, variance.sqrt()),
-        variance.sqrt() / norm,
+        figure,
+        error,
         bound,
         [
             "the first photo, taken again at the end, is the same",

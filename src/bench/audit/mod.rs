@@ -153,62 +153,74 @@ pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit>
             .checks
             .extend(names.map(|name| Finding::unmeasured(name, "white gives no light beyond its noise")));
         audit.photos = 1;
-        audit.white = white.values;
-        return Ok(audit);
-    }
-    let mask = subject.seen();
-    let mut random = Pcg64::seed_from_u64(options.seed);
-    let mut patterns: Vec<Vec<f64>> = Vec::new();
-    for _ in 0..options.patterns {
-        patterns
-            .push(mask.iter().map(|&seen| f64::from(u8::from(seen && random.random::<bool>()))).collect());
-    }
-    let photos = patterns.iter().map(|pattern| subject.photograph(pattern)).collect::<Result<Vec<_>>>()?;
-    let complement: Vec<f64> =
-        patterns[0].iter().zip(&mask).map(|(p, &seen)| if seen { 1.0 - p } else { 0.0 }).collect();
-    let rest = subject.photograph(&complement)?;
-    let mut scaled = Vec::new();
-    for share in [0.25, 0.5, 0.75] {
-        let pattern: Vec<f64> = patterns[0].iter().map(|p| share * p).collect();
-        scaled.push((share, subject.photograph(&pattern)?));
-    }
-    let again = subject.photograph(&patterns[0])?;
-    audit.photos = 3 + photos.len() + scaled.len();
-    audit.checks.push(checks::additivity(&photos[0], &rest, &white, options.tolerance));
-    audit.checks.push(checks::homogeneity(&photos[0], &scaled, options.tolerance));
-    audit.checks.push(checks::repeatability(&photos[0], &again, options.tolerance));
-    audit.checks.push(symmetry(&patterns, &photos, &white, &mask, options.asymmetry));
-    let mean = (white.values.iter().sum::<f64>() / white.values.len() as f64).max(f64::MIN_POSITIVE);
-    audit.additivity = (0..white.values.len())
-        .map(|pixel| (photos[0].values[pixel] + rest.values[pixel] - white.values[pixel]) / mean)
-        .collect();
-    if let Some(direct) = subject.direct()? {
-        let (check, shadow) = checks::shadows(&direct, &white, &mask, options.share);
-        audit.checks.push(check);
-        audit.shadow = shadow;
-        audit.direct_share = direct
-            .values
-            .iter()
-            .zip(&white.values)
-            .map(|(direct, white)| if *white > 0.0 { direct / white } else { 0.0 })
-            .collect();
-    }
-    if let Some(ambient) = subject.ambient()? {
-        audit.checks.push(checks::ambient(&ambient, &white));
-    }
-    if let Some(photos) = subject.primaries()? {
-        audit.photos += photos.len();
-        audit.checks.push(checks::crosstalk(&Crosstalk::measured(&photos)?));
-    }
-    if let Some(share) = subject.saturated()? {
-        audit.checks.push(checks::saturation(share));
-    }
-    audit.checks.push(checks::noise_floor(&white));
-    if let Some(drift) = subject.drift()? {
-        audit.checks.push(checks::drift(drift));
+    } else {
+        audit.by_patterns(subject, &white, options)?;
+        audit.by_light(subject, &white, options)?;
     }
     audit.white = white.values;
     Ok(audit)
+}
+
+impl Audit {
+    /// The checks that compare photos of random patterns.
+    fn by_patterns(
+        &mut self,
+        subject: &mut dyn Audited,
+        white: &Plane,
+        options: &AuditOptions,
+    ) -> Result<()> {
+        let mask = subject.seen();
+        let mut random = Pcg64::seed_from_u64(options.seed);
+        let mut pattern = || -> Vec<f64> {
+            mask.iter().map(|&seen| f64::from(u8::from(seen && random.random::<bool>()))).collect()
+        };
+        let patterns: Vec<Vec<f64>> = (0..options.patterns).map(|_| pattern()).collect();
+        let photos =
+            patterns.iter().map(|pattern| subject.photograph(pattern)).collect::<Result<Vec<_>>>()?;
+        let complement: Vec<f64> =
+            patterns[0].iter().zip(&mask).map(|(p, &seen)| if seen { 1.0 - p } else { 0.0 }).collect();
+        let rest = subject.photograph(&complement)?;
+        let mut scaled = Vec::new();
+        for share in [0.25, 0.5, 0.75] {
+            let pattern: Vec<f64> = patterns[0].iter().map(|p| share * p).collect();
+            scaled.push((share, subject.photograph(&pattern)?));
+        }
+        let again = subject.photograph(&patterns[0])?;
+        self.photos = 3 + photos.len() + scaled.len();
+        let lit = &photos[0];
+        self.checks.extend([
+            checks::additivity(lit, &rest, white, options.tolerance),
+            checks::homogeneity(lit, &scaled, options.tolerance),
+            checks::repeatability(lit, again, options.tolerance),
+            symmetry(&patterns, &photos, white, &mask, options.asymmetry),
+        ]);
+        let mean = (white.values.iter().sum::<f64>() / white.values.len() as f64).max(f64::MIN_POSITIVE);
+        self.additivity = (0..white.values.len())
+            .map(|pixel| (lit.values[pixel] + rest.values[pixel] - white.values[pixel]) / mean)
+            .collect();
+        Ok(())
+    }
+
+    /// The checks of direct and ambient light, colours, saturation, noise and drift.
+    fn by_light(&mut self, subject: &mut dyn Audited, white: &Plane, options: &AuditOptions) -> Result<()> {
+        if let Some(direct) = subject.direct()? {
+            let (check, shadow) = checks::shadows(&direct, white, &subject.seen(), options.share);
+            self.checks.push(check);
+            self.shadow = shadow;
+            let light = direct.values.iter().zip(&white.values);
+            self.direct_share =
+                light.map(|(direct, white)| if *white > 0.0 { direct / white } else { 0.0 }).collect();
+        }
+        self.checks.extend(subject.ambient()?.map(|ambient| checks::ambient(&ambient, white)));
+        if let Some(photos) = subject.primaries()? {
+            self.photos += photos.len();
+            self.checks.push(checks::crosstalk(&Crosstalk::measured(&photos)?));
+        }
+        self.checks.extend(subject.saturated()?.map(checks::saturation));
+        self.checks.push(checks::noise_floor(white));
+        self.checks.extend(subject.drift()?.map(checks::drift));
+        Ok(())
+    }
 }
 
 /// A source that can be audited. It has one channel, and equal rasters of camera and projector.
@@ -229,10 +241,14 @@ pub trait Audited {
     fn direct(&mut self) -> Result<Option<Plane>>;
 
     /// The light without a pattern, if it is known.
-    fn ambient(&mut self) -> Result<Option<Plane>>;
+    fn ambient(&mut self) -> Result<Option<Plane>> {
+        Ok(None)
+    }
 
     /// The share of the camera's samples of white that are saturated in some exposure. `None` without a camera.
-    fn saturated(&mut self) -> Result<Option<f64>>;
+    fn saturated(&mut self) -> Result<Option<f64>> {
+        Ok(None)
+    }
 
     /// Photos of the projector's red, green and blue alone, in each camera channel. `None` if either device is monochrome.
     fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
@@ -240,7 +256,9 @@ pub trait Audited {
     }
 
     /// The largest relative change of the lamp's light that was measured and corrected. `None` if the lamp was not monitored.
-    fn drift(&mut self) -> Result<Option<f64>>;
+    fn drift(&mut self) -> Result<Option<f64>> {
+        Ok(None)
+    }
 }
 
 /// Operators without noise, for example from a simulated scene.
@@ -280,18 +298,6 @@ impl Audited for Exact<'_> {
 
     fn direct(&mut self) -> Result<Option<Plane>> {
         Ok(self.direct.clone().map(exact))
-    }
-
-    fn ambient(&mut self) -> Result<Option<Plane>> {
-        Ok(None)
-    }
-
-    fn saturated(&mut self) -> Result<Option<f64>> {
-        Ok(None)
-    }
-
-    fn drift(&mut self) -> Result<Option<f64>> {
-        Ok(None)
     }
 }
 

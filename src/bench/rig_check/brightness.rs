@@ -2,13 +2,28 @@
 //! shown (limited-range video), and whether light reaches the camera without the scene (stray light).
 
 use crate::bench::rig_check::probe::{Probe, average, binned};
-use crate::bench::rig_check::thresholds::{
-    CLIPPED, COLOURS, COLOURS_UNCALIBRATED, IRIS, IRIS_UNCALIBRATED, SIGMAS, STRAY,
-};
 use crate::bench::rig_check::{Finding, Grade, Recorder};
 use crate::error::Result;
-use crate::finding::Ratio;
+use crate::finding::{Ratio, SIGMAS};
 use crate::image::percentile;
+
+/// The bound on an automatic iris: the sum of the quadrants of white may differ from white by this share.
+const IRIS: f64 = 0.02;
+
+/// The same as [`IRIS`] where the camera's response is not known. A response of `x^0.95` causes a difference of 4 %.
+const IRIS_UNCALIBRATED: f64 = 0.05;
+
+/// The bound on the white segment of a colour wheel: the sum of red, green and blue may differ from gray by this share.
+const COLOURS: f64 = 0.02;
+
+/// The same as [`COLOURS`] where the camera's response is not known. With a monochrome camera, `x^0.95` causes a difference of 5.6 %.
+const COLOURS_UNCALIBRATED: f64 = 0.07;
+
+/// The check warns when more than this share of white's light reaches all pixels evenly and follows the pattern.
+const STRAY: f64 = 0.02;
+
+/// The check warns when level 235 of 255 is darker than white by less than this share. A level in proportion to light is 8 % darker.
+const CLIPPED: f64 = 0.01;
 
 /// The levels by which limited-range video is recognized, as shares of the highest level.
 const VIDEO_ENDS: [f64; 2] = [16.0 / 255.0, 235.0 / 255.0];
@@ -28,13 +43,13 @@ const IRIS_SECONDS: f64 = 1.5;
 
 /// Photographs white, its four quadrants, white again, and two levels near black and white: eight frames. `settle` is the usual wait.
 pub(crate) fn brightness(probe: &mut Probe<'_>, settle: f64, recorder: &mut Recorder<'_, '_>) -> Result<()> {
-    probe.frames.set_settle(settle.max(IRIS_SECONDS));
+    probe.session.set_settle(settle.max(IRIS_SECONDS));
     let photos = quadrants(probe);
-    probe.frames.set_settle(settle);
+    probe.session.set_settle(settle);
     let Quadrants { whites, quadrants } = photos?;
     recorder.add(iris(probe, whites.each_ref().map(|white| average(white)), &quadrants))?;
     recorder.add(stray(probe, &quadrants))?;
-    if probe.frames.projector().bits >= 6 {
+    if probe.session.projector().bits >= 6 {
         let ends = [probe.gray(VIDEO_ENDS[0])?, probe.gray(VIDEO_ENDS[1])?];
         let white = average(&probe.white);
         recorder.add(match ends.map(|light| Ratio::of(average(&light), white, 0.0).value()) {
@@ -188,7 +203,7 @@ const LEVELS: [f64; 2] = [1.0, 0.5];
 
 /// Photographs gray, red, green and blue at two levels: eight frames. A gray projector needs no photos.
 pub(crate) fn colours(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) -> Result<()> {
-    if probe.frames.projector().channels != 3 {
+    if probe.session.projector().channels != 3 {
         return Ok(());
     }
     let is_pulsed = |finding: &Finding| finding.name == "pulses" && finding.grade != Grade::Ok;
@@ -305,8 +320,8 @@ mod tests {
     #[test]
     fn the_light_of_a_pixel_is_the_mean_of_its_channels() {
         with_probe(8, |probe| {
-            let frame = probe.filled(false);
-            let gray = probe.capture(&frame, 0.1).expect("it never fails");
+            let frame = probe.session.filled(0);
+            let gray = probe.session.capture(&frame, 0.1).expect("it never fails");
             let photo = crate::rig::RawFrame { channels: 3, counts: vec![1, 2, 6, 10, 20, 60], ..gray };
             assert_eq!(probe.light(&photo), [3.0, 30.0]);
             assert_eq!(probe.channels(&photo), [5.5, 11.0, 33.0]);

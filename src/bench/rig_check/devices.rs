@@ -3,28 +3,39 @@
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime};
 
-use crate::bench::rig_check::thresholds::{
-    MAP_OFFSET_FAILURE, MAP_OFFSET_WARNING, MIN_CORRELATION, MIN_PHOTOS, REFRESH_FRACTION, SESSION_PHOTOS,
-    SIGMAS,
-};
 use crate::bench::rig_check::{Finding, Grade, Recorder};
 use crate::calibrate::map_check;
 use crate::error::{Error, Result};
-use crate::finding::decimal;
+use crate::finding::{SIGMAS, decimal};
 use crate::io::atomic;
 use crate::measure::{Calibration, FrameSource, MeasureOptions, RigFile, RigKind, sight};
 use crate::rig::{CameraInfo, CameraSpec, Frame, HardwareRig, Helper, Projector, ProjectorInfo, X11Spec};
 
+/// An exposure may differ from a whole number of projector refreshes by this share of one refresh.
+const REFRESH_FRACTION: f64 = 0.02;
+
+/// The check warns when there is disk space for fewer photos. This is a long session: a capture with several exposures and takes, its
+/// calibration, and a second try.
+const SESSION_PHOTOS: u64 = 5000;
+
+/// The check fails when there is disk space for fewer photos than this, because not even one capture fits.
+const MIN_PHOTOS: u64 = 200;
+
+/// The check warns when the error of the pixel map exceeds this many projector pixels. The calibration promises this accuracy.
+const MAP_OFFSET_WARNING: f64 = 0.1;
+
+/// The check fails when the error of the pixel map exceeds this many projector pixels. A third of the direct light is then assigned to a
+/// neighbouring pixel.
+const MAP_OFFSET_FAILURE: f64 = 0.3;
+
+/// The check fails when the correlation of a photo of a random pattern with the pattern is less than this.
+const MIN_CORRELATION: f64 = 0.5;
+
 /// Describes the rig of the file, and checks whether its exposures suit its projector.
 pub(crate) fn file(file: &RigFile) -> Finding {
     let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
-    let kind = match file.kind {
-        RigKind::Virtual(_) => "virtual",
-        RigKind::Hardware(_) => "hardware",
-        RigKind::Program(_) => "program",
-    };
     let [shown, seen] = [projector.resolution, camera.resolution];
-    let found = format!("{kind} rig, patterns of {shown} and photos of {seen} pixels");
+    let found = format!("{} rig, patterns of {shown} and photos of {seen} pixels", file.kind.word());
     match uneven(&file.measurement, projector.frame_time) {
         None => Finding::ok("file", found),
         Some(exposure) => Finding::graded(

@@ -2,7 +2,7 @@
 //! behaviour of projectors and cameras (an iris, pulses, overscan).
 //!
 //! [`check`] examines one thing after another and hands each [`Finding`] to a callback as soon as it is known. A finding has the state that
-//! was found, the expected state, and the remedy. Its [`Grade`] follows from the bounds in [`thresholds`]. `krylux rig check` prints these
+//! was found, the expected state, and the remedy. Its [`Grade`] follows from the bounds that stand beside each check. `krylux rig check` prints these
 //! findings.
 //!
 //! ```no_run
@@ -34,7 +34,6 @@ mod devices;
 mod photos;
 mod picture;
 mod probe;
-pub mod thresholds;
 mod timing;
 
 use std::ops::ControlFlow;

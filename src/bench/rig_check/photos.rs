@@ -2,18 +2,39 @@
 
 use std::borrow::Cow;
 
-use crate::bench::rig_check::probe::{Photos, mean, percentile, take};
-use crate::bench::rig_check::thresholds::{
-    AMBIENT, DIM_WHITE, INVISIBLE_WHITE, NOISE_RATIO, REPEATABILITY, SATURATED_FAILURE, SATURATED_WARNING,
-    SETTLING, SIGMAS,
-};
+use crate::bench::rig_check::probe::{Photos, take};
 use crate::bench::rig_check::{Finding, Grade, Recorder};
 use crate::calibrate::{StructuredLight, WhiteExposure};
 use crate::error::Result;
-use crate::finding::{Ratio, decimal};
+use crate::finding::{Ratio, SIGMAS, decimal};
 use crate::measure::sight::judged;
 use crate::measure::{Calibration, Effort, FrameSource, Registration, noise_ratio};
 use crate::rig::RawFrame;
+
+/// The check warns when white's 98th percentile is below this share of the camera's range. Most of the range is then unused.
+const DIM_WHITE: f64 = 0.2;
+
+/// The check fails when white's 98th percentile is below this share of the camera's range. The camera then does not see the projector.
+const INVISIBLE_WHITE: f64 = 0.01;
+
+/// The check warns when more than this share of white's samples is saturated.
+const SATURATED_WARNING: f64 = 0.01;
+
+/// The check fails when more than this share of white's samples is saturated.
+const SATURATED_FAILURE: f64 = 0.1;
+
+/// The check warns when the light without a pattern exceeds this share of white's light, which adds a tenth to the noise of white.
+const AMBIENT: f64 = 0.2;
+
+/// The check warns when drift and flicker change white by more than this share between photos. `krylux audit` has the same bound.
+const REPEATABILITY: f64 = 0.01;
+
+/// The check fails when white right after black has less light than a repeated white by more than this share. The latency measurement of
+/// the calibration has the same tolerance.
+const SETTLING: f64 = 2e-3;
+
+/// The check warns when a photo's noise, as a multiple of the noise that the calibration predicts, is outside this interval.
+const NOISE_RATIO: [f64; 2] = [0.8, 1.25];
 
 const NO_WHITE: &str = "white has no more light than black";
 
@@ -65,7 +86,7 @@ pub(crate) fn photos(
     let means: Vec<[f64; 2]> = photos
         .whites
         .iter()
-        .map(|pair| pair.each_ref().map(|white| mean(white) - photos.dark_count))
+        .map(|pair| pair.each_ref().map(|white| white.mean() - photos.dark_count))
         .collect();
     let settling = settling(&means, setup.settle);
     let settled = settling.grade == Grade::Ok;
@@ -188,7 +209,7 @@ pub(crate) fn light(
     let limit = known.map_or(full, |known| known.camera.saturation);
     let (dark, white) = (photos.dark_count, &photos.whites[0][1]);
     // A camera that is saturated without a pattern has no remaining range.
-    let reached = Ratio::of(percentile(white, 0.98) - dark, full - dark, 0.0).value().unwrap_or(0.0);
+    let reached = Ratio::of(white.percentile(0.98) - dark, full - dark, 0.0).value().unwrap_or(0.0);
     recorder.add(range(reached, &exposure))?;
     let saturated = white.counts.iter().filter(|&&count| f64::from(count) >= limit).count() as f64;
     let saturated = saturated / white.counts.len() as f64;
@@ -196,7 +217,7 @@ pub(crate) fn light(
     let sight = judged(map, white.channels, &above_black(photos));
     let is_seen = sight.grade == Grade::Ok && reached >= INVISIBLE_WHITE;
     recorder.add(sight)?;
-    recorder.add(match Ratio::of(mean(&photos.black) - dark, mean(white) - dark, 0.0).value() {
+    recorder.add(match Ratio::of(photos.black.mean() - dark, white.mean() - dark, 0.0).value() {
         Some(share) if is_seen => ambient(share),
         _ => Finding::unmeasured("ambient", "the camera does not see the projector's white"),
     })?;
@@ -273,7 +294,7 @@ fn ambient(share: f64) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::rig_check::probe::{percentile, take};
+    use crate::bench::rig_check::probe::take;
     use crate::image::Resolution;
     use crate::measure::CaptureRequest;
     use crate::measure::simulated::Simulated;
@@ -353,8 +374,8 @@ mod tests {
         let counts = vec![9, 1, 7, 3, 5];
         let resolution = Resolution::new(5, 1);
         let frame = RawFrame { resolution, channels: 1, counts, exposure: 0.1, id: 0, started: 0.0 };
-        assert_eq!(mean(&frame), 5.0);
-        assert_eq!([0.0, 0.3, 0.5, 0.98].map(|at| percentile(&frame, at)), [1.0, 3.0, 5.0, 9.0]);
+        assert_eq!(frame.mean(), 5.0);
+        assert_eq!([0.0, 0.3, 0.5, 0.98].map(|at| frame.percentile(at)), [1.0, 3.0, 5.0, 9.0]);
         // The deviations are −3, 0 and 3. The variance is 9, and the variance of the mean is a third of it.
         assert_eq!(average(&[1.0, 4.0, 7.0]), (4.0, 3.0_f64.sqrt()));
         assert_eq!(average(&[4.0]), (4.0, 0.0));

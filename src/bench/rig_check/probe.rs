@@ -2,18 +2,15 @@
 
 use std::sync::Arc;
 
+use crate::calibrate::CalibrationSession;
 use crate::error::Result;
-use crate::image;
 use crate::image::Resolution;
-use crate::measure::{Calibration, CaptureRequest, Effort, FrameSource};
+use crate::measure::{Calibration, Effort, FrameSource};
 use crate::rig::{Frame, RawFrame};
-
-/// The number of the first take of a pattern. It distinguishes these takes from the takes of black and white.
-const FIRST_TAKE: u32 = 1000;
 
 /// Takes photos at one exposure, and compares them with white.
 pub(crate) struct Probe<'a> {
-    pub(crate) frames: &'a mut dyn FrameSource,
+    pub(crate) session: CalibrationSession<'a>,
     pub(crate) exposure: f64,
     pub(crate) is_known: bool,
     pub(crate) white: Vec<f64>,
@@ -26,7 +23,6 @@ pub(crate) struct Probe<'a> {
     pub(crate) unlit: [Vec<f64>; 2],
     /// Whether the first photo of a frame still contains light of the previous frame.
     is_hasty: bool,
-    take: u32,
 }
 
 impl<'a> Probe<'a> {
@@ -38,11 +34,11 @@ impl<'a> Probe<'a> {
         exposure: f64,
         settled: bool,
     ) -> Self {
-        let means: Vec<f64> = photos.whites.iter().map(|[_, again]| mean(again)).collect();
+        let means: Vec<f64> = photos.whites.iter().map(|[_, again]| again.mean()).collect();
         let (least, most) =
             means.iter().fold((f64::MAX, 0.0_f64), |(low, high), &mean| (low.min(mean), high.max(mean)));
         let mut probe = Self {
-            frames,
+            session: CalibrationSession::new(frames),
             exposure,
             is_known: known.is_some(),
             white: Vec::new(),
@@ -51,7 +47,6 @@ impl<'a> Probe<'a> {
             black: Vec::new(),
             unlit: [Vec::new(), Vec::new()],
             is_hasty: !settled,
-            take: FIRST_TAKE,
         };
         probe.scatter = (most - least) / (most - photos.dark_count).max(1.0);
         probe.unlit = [&photos.dark, &photos.black].map(|photo| probe.channels(photo));
@@ -65,61 +60,39 @@ impl<'a> Probe<'a> {
     }
 
     pub(crate) fn camera(&self) -> Resolution {
-        self.frames.camera().resolution
+        self.session.camera().resolution
     }
 
     pub(crate) fn projector(&self) -> Resolution {
-        self.frames.projector().resolution
+        self.session.projector().resolution
     }
 
     /// The light above black of a frame that is white in each column and row for which `is_lit` is true, and black elsewhere.
     pub(crate) fn pattern(&mut self, is_lit: impl Fn(usize, usize) -> bool) -> Result<Vec<f64>> {
-        let (info, size) = (self.frames.projector(), self.projector());
-        let level = |pixel: usize| {
-            if is_lit(pixel % size.width, pixel / size.width) { info.highest() } else { 0 }
-        };
-        let samples = (0..size.pixels() * info.channels).map(|sample| level(sample / info.channels));
-        let frame = Frame::new(size, info.channels, samples.collect())?;
-        self.above_black(frame)
+        self.above_black(self.session.drawn(is_lit)?)
     }
 
     /// The light above black of a frame of one level, given as a share of the highest level.
     pub(crate) fn gray(&mut self, share: f64) -> Result<Vec<f64>> {
-        let info = self.frames.projector();
-        let level = (share * f64::from(info.highest())).round() as u16;
-        let frame = Frame::filled(info.resolution, info.channels, level);
-        self.above_black(frame)
+        self.above_black(self.session.filled(self.level(share)))
     }
 
     /// The light above black of a frame with only one of the projector's three colours, at a share of its highest level.
     pub(crate) fn colour(&mut self, colour: usize, share: f64) -> Result<Vec<f64>> {
-        let info = self.frames.projector();
-        let level = (share * f64::from(info.highest())).round() as u16;
-        let samples =
-            (0..3 * info.resolution.pixels()).map(|sample| if sample % 3 == colour { level } else { 0 });
-        let frame = Frame::new(info.resolution, 3, samples.collect())?;
-        self.above_black(frame)
+        self.above_black(self.session.filled_channel(colour, self.level(share))?)
     }
 
-    fn above_black(&mut self, frame: Frame) -> Result<Vec<f64>> {
-        let frame = Arc::new(frame);
-        let mut photo = self.capture(&frame, self.exposure)?;
+    fn level(&self, share: f64) -> u16 {
+        (share * f64::from(self.session.top())).round() as u16
+    }
+
+    fn above_black(&mut self, frame: Arc<Frame>) -> Result<Vec<f64>> {
+        let mut photo = self.session.capture(&frame, self.exposure)?;
         if self.is_hasty {
-            photo = self.capture(&frame, self.exposure)?;
+            photo = self.session.capture(&frame, self.exposure)?;
         }
         let light = self.light(&photo);
         Ok(light.iter().zip(&self.black).map(|(light, black)| light - black).collect())
-    }
-
-    pub(crate) fn capture(&mut self, frame: &Arc<Frame>, exposure: f64) -> Result<RawFrame> {
-        self.take += 1;
-        self.frames.capture(&CaptureRequest { frame: Arc::clone(frame), exposure, take: self.take })
-    }
-
-    pub(crate) fn filled(&self, is_white: bool) -> Arc<Frame> {
-        let info = self.frames.projector();
-        let level = if is_white { info.highest() } else { 0 };
-        Arc::new(Frame::filled(info.resolution, info.channels, level))
     }
 
     /// The light of a photo, including black: the mean of each pixel's channels.
@@ -177,24 +150,19 @@ pub(crate) struct Photos {
 /// Takes the photos. White is exposed for `exposure` seconds.
 pub(crate) fn take(frames: &mut dyn FrameSource, exposure: f64) -> Result<Photos> {
     let before = frames.effort();
-    let info = frames.projector().clone();
-    let frame = |level| Arc::new(Frame::filled(info.resolution, info.channels, level));
-    let [black, white] = [frame(0), frame(info.highest())];
-    let shortest = frames.camera().exposures[0];
-    let mut capture = |frame: &Arc<Frame>, exposure: f64, take: u32| {
-        frames.capture(&CaptureRequest { frame: Arc::clone(frame), exposure, take })
-    };
-    let dark = capture(&black, shortest, 0)?;
-    let dark_count = percentile(&dark, 0.5);
+    let mut session = CalibrationSession::new(frames);
+    let [black, white] = [session.filled(0), session.filled(session.top())];
+    let dark = session.capture(&black, session.camera().exposures[0])?;
+    let dark_count = dark.percentile(0.5);
     let (mut blacks, mut whites) = (Vec::new(), Vec::new());
-    for round in 0..ROUNDS {
-        blacks.push(capture(&black, exposure, round)?);
-        whites.push([capture(&white, exposure, 2 * round)?, capture(&white, exposure, 2 * round + 1)?]);
+    for _ in 0..ROUNDS {
+        blacks.push(session.capture(&black, exposure)?);
+        whites.push([session.capture(&white, exposure)?, session.capture(&white, exposure)?]);
     }
     // If the wait is too short, the first photo of black contains some of white's light, which is not ambient light.
-    capture(&black, exposure, ROUNDS)?;
-    let black = capture(&black, exposure, ROUNDS + 1)?;
-    let after = frames.effort();
+    session.capture(&black, exposure)?;
+    let black = session.capture(&black, exposure)?;
+    let after = session.effort();
     let effort = Effort {
         taken: after.taken - before.taken,
         dropped: after.dropped - before.dropped,
@@ -207,14 +175,6 @@ pub(crate) fn take(frames: &mut dyn FrameSource, exposure: f64) -> Result<Photos
         ..after
     };
     Ok(Photos { black, blacks, whites, dark_count, dark, effort })
-}
-
-pub(crate) fn mean(frame: &RawFrame) -> f64 {
-    frame.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / frame.counts.len() as f64
-}
-
-pub(crate) fn percentile(frame: &RawFrame, quantile: f64) -> f64 {
-    image::percentile(frame.counts.iter().map(|&count| f64::from(count)), quantile)
 }
 
 #[cfg(test)]

@@ -1,10 +1,18 @@
 //! The check of light within the time of a frame: pulses of the projector (PWM, colour wheel), and the camera's rolling shutter.
 
 use super::probe::{Probe, average};
-use super::thresholds::{PULSES, PULSES_UNCALIBRATED, ROLLING, SIGMAS};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
-use crate::finding::{Ratio, decimal};
+use crate::finding::{Ratio, SIGMAS, decimal};
+
+/// The bound on pulses of light: white's light per second may differ by this share between exposures of parts of a refresh.
+const PULSES: f64 = 0.02;
+
+/// The same as [`PULSES`] where the camera's response is not known. A response of `x^0.95` causes a difference of 5 %.
+const PULSES_UNCALIBRATED: f64 = 0.08;
+
+/// The check warns when the last rows of a photo see more of a newly shown frame than the first rows, by more than this share.
+const ROLLING: f64 = 0.02;
 
 /// Exposures in refreshes of the projector. They are not whole multiples of a refresh or of its usual parts.
 const EXPOSURES: [f64; 3] = [0.63, 1.37, 1.63];
@@ -20,8 +28,8 @@ const ROUNDING: f64 = 0.3;
 
 /// Takes six photos of white at short exposures.
 pub(crate) fn pulses(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) -> Result<()> {
-    let [shortest, _] = probe.frames.camera().exposures;
-    let refresh = match probe.frames.projector().frame_time {
+    let [shortest, _] = probe.session.camera().exposures;
+    let refresh = match probe.session.projector().frame_time {
         0.0 => REFRESH,
         seconds => seconds,
     };
@@ -32,14 +40,14 @@ pub(crate) fn pulses(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) -> 
             format!("not examined: the camera cannot expose for {:.5} s", EXPOSURES[0] * base),
         ));
     }
-    let white = probe.filled(true);
+    let white = probe.session.filled(probe.session.top());
     let [dark, black] = probe.unlit.clone();
     let mut rates: Vec<Vec<f64>> = Vec::new();
     let mut error = 0.0_f64;
     // The first photo of a frame may contain light of the previous frame.
-    probe.capture(&white, probe.exposure)?;
+    probe.session.capture(&white, probe.exposure)?;
     for exposure in EXPOSURES.iter().chain(&EXPOSURES).map(|share| share * base) {
-        let photo = probe.capture(&white, exposure)?;
+        let photo = probe.session.capture(&white, exposure)?;
         let light = probe.channels(&photo);
         let rate = |channel: usize| {
             let [light, dark, black] = [light[channel], dark[channel], black[channel]];
@@ -83,12 +91,12 @@ fn pulsed(probe: &Probe<'_>, spread: f64, error: f64, base: f64) -> Finding {
 
 /// Photographs black, and then white right after it without waiting for white to settle. Restores `settle`.
 pub(crate) fn shutter(probe: &mut Probe<'_>, settle: f64, recorder: &mut Recorder<'_, '_>) -> Result<()> {
-    let [black, white] = [probe.filled(false), probe.filled(true)];
-    probe.capture(&black, probe.exposure)?;
-    let dark = probe.capture(&black, probe.exposure)?;
-    probe.frames.set_settle(0.0);
-    let switched = probe.capture(&white, probe.exposure);
-    probe.frames.set_settle(settle);
+    let [black, white] = [probe.session.filled(0), probe.session.filled(probe.session.top())];
+    probe.session.capture(&black, probe.exposure)?;
+    let dark = probe.session.capture(&black, probe.exposure)?;
+    probe.session.set_settle(0.0);
+    let switched = probe.session.capture(&white, probe.exposure);
+    probe.session.set_settle(settle);
     let (light, dark) = (probe.light(&switched?), probe.light(&dark));
     let width = probe.camera().width;
     let rows = probe.camera().height;

@@ -2,9 +2,9 @@
 
 use super::Boxed;
 use crate::error::Result;
-use crate::krylov::basis::{axpy, dot, norm, update2};
+use crate::krylov::basis::{axpy, dot, update2};
 use crate::krylov::completeness::Status;
-use crate::krylov::linear::{Advance, SolveOptions, Solver, System};
+use crate::krylov::linear::{Advance, Recurrence, SolveOptions, Solver, System, ended};
 use crate::operator::Adjoint;
 
 /// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by
@@ -19,7 +19,6 @@ use crate::operator::Adjoint;
 /// References: Projected Richardson iteration with diagonal scaling; Bertsekas and Tsitsiklis, *Parallel and
 /// Distributed Computation*, section 3.3 (1989). Its use for compensation: Grossberg, Peri, Nayar and
 /// Belhumeur (2004), doi:10.1109/CVPR.2004.1315065.
-#[derive(Clone)]
 pub struct ProjectedJacobi {
     boxed: Boxed,
     next: Vec<f64>,
@@ -33,37 +32,29 @@ impl ProjectedJacobi {
     /// [`Error::Dimension`](crate::Error::Dimension) if lengths differ,
     /// [`Error::Numerical`](crate::Error::Numerical) for NaN, [`Error::Option`](crate::Error::Option) for a
     /// preconditioner or an empty box.
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
-        Ok(Self { boxed: Boxed::new("projected Jacobi", b, options)?, next: vec![0.0; b.len()] })
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
+        let (system, boxed) = Boxed::new("projected Jacobi", b, options)?;
+        Ok(Solver::new(system, Self { boxed, next: vec![0.0; b.len()] }))
     }
 }
 
-impl Solver for ProjectedJacobi {
-    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
-        let boxed = &mut self.boxed;
-        boxed.system.fits(operator)?;
-        if boxed.take_diagonal(operator)? {
+impl Recurrence for ProjectedJacobi {
+    fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
+        if self.boxed.take_diagonal(system, operator)? {
             return Ok(Advance::Continuing);
         }
-        let bounds = boxed.bounds;
-        self.next.copy_from_slice(&boxed.system.x);
-        if !boxed.system.pending {
-            update2(&mut self.next, &boxed.system.r, &boxed.diagonal, |x, r, d| bounds.clip(x + r / d));
-            if self.next == boxed.system.x {
-                return Ok(Advance::Ended(Status::Stalled));
+        let Boxed { bounds, diagonal, .. } = &self.boxed;
+        self.next.copy_from_slice(&system.x);
+        if !system.pending {
+            update2(&mut self.next, &system.r, diagonal, |x, r, d| bounds.clip(x + r / d));
+            if self.next == system.x {
+                return ended(Status::Stalled);
             }
         }
-        boxed.system.tally.product(operator, &self.next, &mut boxed.system.work)?;
-        boxed.system.pending = false;
-        std::mem::swap(&mut boxed.system.x, &mut self.next);
-        boxed.residual_from_work();
-        let residual = norm(&boxed.system.r);
-        boxed.system.note(residual);
+        system.tally.product(operator, &self.next, &mut system.work)?;
+        std::mem::swap(&mut system.x, &mut self.next);
+        system.settle();
         Ok(Advance::Continuing)
-    }
-
-    fn system(&self) -> &System {
-        &self.boxed.system
     }
 }
 
@@ -76,7 +67,6 @@ impl Solver for ProjectedJacobi {
 /// product.
 ///
 /// References: Kaufman (1993), doi:10.1109/42.232243; Nagy and Strakoš (2000), doi:10.1117/12.402439.
-#[derive(Clone)]
 pub struct Mrnsd {
     boxed: Boxed,
     s: Vec<f64>,
@@ -89,14 +79,10 @@ impl Mrnsd {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the
     /// options; without `diagonal` the first product is `A 1`. Fails with the errors of
     /// [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
-        Ok(Self {
-            boxed: Boxed::new("MRNSD", b, &options)?,
-            s: vec![0.0; b.len()],
-            gamma: 0.0,
-            descend: false,
-        })
+        let (system, boxed) = Boxed::new("MRNSD", b, &options)?;
+        Ok(Solver::new(system, Self { boxed, s: vec![0.0; b.len()], gamma: 0.0, descend: false }))
     }
 }
 
@@ -109,14 +95,11 @@ fn make_positive(x: &mut [f64]) {
     }
 }
 
-impl Solver for Mrnsd {
-    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
-        let boxed = &mut self.boxed;
-        boxed.system.fits(operator)?;
-        if boxed.take_diagonal(operator)? {
+impl Recurrence for Mrnsd {
+    fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
+        if self.boxed.take_diagonal(system, operator)? {
             return Ok(Advance::Continuing);
         }
-        let system = &mut boxed.system;
         if system.pending {
             make_positive(&mut system.x);
             system.first_residual(operator)?;
@@ -127,7 +110,7 @@ impl Solver for Mrnsd {
             update2(&mut self.s, &system.x, &system.work, |_, x, g| x * g);
             self.gamma = dot(&self.s, &system.work);
             if self.gamma <= 0.0 {
-                return Ok(Advance::Ended(Status::ConstrainedOptimum));
+                return ended(Status::ConstrainedOptimum);
             }
             self.descend = true;
             return Ok(Advance::Continuing);
@@ -146,13 +129,8 @@ impl Solver for Mrnsd {
             *x = x.max(0.0);
         }
         self.descend = false;
-        let residual = norm(&system.r);
-        system.note(residual);
+        system.note_residual();
         Ok(if tau == 0.0 { Advance::Ended(Status::Stalled) } else { Advance::Continuing })
-    }
-
-    fn system(&self) -> &System {
-        &self.boxed.system
     }
 }
 
@@ -165,7 +143,6 @@ impl Solver for Mrnsd {
 ///
 /// References: Daube-Witherspoon and Muehllehner (1986), doi:10.1109/TMI.1986.4307748; Lee and Seung's
 /// updates (2001) for one factor.
-#[derive(Clone)]
 pub struct Multiplicative {
     boxed: Boxed,
     /// `Aᵀ b` with negative entries replaced by 0; empty until it is known.
@@ -178,54 +155,39 @@ impl Multiplicative {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the
     /// options; without `diagonal` the first product is `A 1`. Fails with the errors of
     /// [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
-        Ok(Self {
-            boxed: Boxed::new("multiplicative updates", b, &options)?,
-            numerator: Vec::new(),
-            image: vec![0.0; b.len()],
-            forward: true,
-        })
+        let (system, boxed) = Boxed::new("multiplicative updates", b, &options)?;
+        let (numerator, image) = (Vec::new(), vec![0.0; b.len()]);
+        Ok(Solver::new(system, Self { boxed, numerator, image, forward: true }))
     }
 }
 
-impl Solver for Multiplicative {
-    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
-        let boxed = &mut self.boxed;
-        boxed.system.fits(operator)?;
-        if boxed.take_diagonal(operator)? {
+impl Recurrence for Multiplicative {
+    fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
+        if self.boxed.take_diagonal(system, operator)? {
             return Ok(Advance::Continuing);
         }
         if self.numerator.is_empty() {
-            let system = &mut boxed.system;
             system.tally.adjoint(operator, &system.b, &mut system.work)?;
             self.numerator = system.work.iter().map(|value| value.max(0.0)).collect();
             return Ok(Advance::Continuing);
         }
         if self.forward {
-            let system = &mut boxed.system;
             if system.pending {
                 make_positive(&mut system.x);
             }
             system.tally.product(operator, &system.x, &mut system.work)?;
-            system.pending = false;
             self.image.copy_from_slice(&system.work);
-            boxed.residual_from_work();
-            let residual = norm(&boxed.system.r);
-            boxed.system.note(residual);
+            system.settle();
             self.forward = false;
             return Ok(Advance::Continuing);
         }
-        let system = &mut boxed.system;
         system.tally.adjoint(operator, &self.image, &mut system.work)?;
         update2(&mut system.x, &self.numerator, &system.work, |x, above, below| {
             if below > 0.0 { x * above / below } else { x }
         });
         self.forward = true;
         Ok(Advance::Continuing)
-    }
-
-    fn system(&self) -> &System {
-        &self.boxed.system
     }
 }

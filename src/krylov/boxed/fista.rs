@@ -4,7 +4,7 @@ use super::Boxed;
 use crate::error::Result;
 use crate::krylov::basis::{dot, norm, update, update2};
 use crate::krylov::completeness::Status;
-use crate::krylov::linear::{Advance, SolveOptions, Solver, System};
+use crate::krylov::linear::{Advance, Recurrence, SolveOptions, Solver, System};
 use crate::operator::Adjoint;
 
 /// FISTA with adaptive restart: minimizes `½ ‖A x − b‖²` over the box, for any square `A` of `n × n` with its
@@ -23,7 +23,6 @@ use crate::operator::Adjoint;
 ///
 /// References: Beck and Teboulle (2009), doi:10.1137/080716542; restart: O'Donoghue and Candès (2015),
 /// doi:10.1007/s10208-013-9150-3.
-#[derive(Clone)]
 pub struct Fista {
     boxed: Boxed,
     y: Vec<f64>,
@@ -43,25 +42,16 @@ impl Fista {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and
     /// `diagonal` of the options; without `diagonal` the first product is `A 1`. Fails with the errors of
     /// [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new).
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
-        let zero = vec![0.0; b.len()];
-        Ok(Self {
-            boxed: Boxed::new("FISTA", b, options)?,
-            y: zero.clone(),
-            gradient: zero.clone(),
-            r_old: zero.clone(),
-            x_old: zero.clone(),
-            scratch: zero,
-            lipschitz: 0.0,
-            t: 1.0,
-            forward: true,
-            first: true,
-        })
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
+        let (system, boxed) = Boxed::new("FISTA", b, options)?;
+        let [y, gradient, r_old, x_old, scratch] = [(); 5].map(|()| vec![0.0; b.len()]);
+        let (lipschitz, t, forward, first) = (0.0, 1.0, true, true);
+        let recurrence = Self { boxed, y, gradient, r_old, x_old, scratch, lipschitz, t, forward, first };
+        Ok(Solver::new(system, recurrence))
     }
 
     /// Computes the next `y` and its residual from the photo of `x`.
-    fn extrapolate(&mut self) {
-        let system = &self.boxed.system;
+    fn extrapolate(&mut self, system: &System) {
         let mut momentum = 0.0;
         if !self.first {
             // The last step must satisfy ‖A(x − y)‖² ≤ L ‖x − y‖²_D.
@@ -90,27 +80,21 @@ impl Fista {
     }
 }
 
-impl Solver for Fista {
-    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
-        self.boxed.system.fits(operator)?;
-        if self.boxed.take_diagonal(operator)? {
+impl Recurrence for Fista {
+    fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
+        if self.boxed.take_diagonal(system, operator)? {
             return Ok(Advance::Continuing);
         }
         if self.first {
             self.lipschitz = self.boxed.diagonal.iter().copied().fold(0.0, f64::max);
         }
         if self.forward {
-            let system = &mut self.boxed.system;
             system.tally.product(operator, &system.x, &mut system.work)?;
-            system.pending = false;
-            self.boxed.residual_from_work();
-            let residual = norm(&self.boxed.system.r);
-            self.boxed.system.note(residual);
-            self.extrapolate();
+            system.settle();
+            self.extrapolate(system);
             self.forward = false;
             return Ok(Advance::Continuing);
         }
-        let system = &mut self.boxed.system;
         system.tally.adjoint(operator, &self.gradient, &mut system.work)?;
         let (bounds, lipschitz) = (self.boxed.bounds, self.lipschitz);
         system.x.copy_from_slice(&self.y);
@@ -123,9 +107,5 @@ impl Solver for Fista {
         } else {
             Advance::Continuing
         })
-    }
-
-    fn system(&self) -> &System {
-        &self.boxed.system
     }
 }

@@ -8,7 +8,7 @@ use super::{Bounds, Boxed};
 use crate::error::{Error, Result};
 use crate::krylov::basis::{axpy, dot, norm, update, update2};
 use crate::krylov::completeness::Status;
-use crate::krylov::linear::{Advance, SolveOptions, Solver, System};
+use crate::krylov::linear::{Advance, Recurrence, SolveOptions, Solver, System, ended};
 use crate::operator::{Adjoint, Symmetry};
 
 /// Krylov-box: solves `min ‖b − A x‖₂` over the box, for any square `A` of `n × n`, by a model of `A` that every product improves.
@@ -28,7 +28,6 @@ use crate::operator::{Adjoint, Symmetry};
 /// References: The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for all pairs at once:
 /// Dennis and Moré (1977), doi:10.1137/1019005. Minimal residuals over all products taken: Eirola and Nevanlinna (1989),
 /// doi:10.1016/0024-3795(89)90719-2.
-#[derive(Clone)]
 pub struct KrylovBox {
     boxed: Boxed,
     white_known: bool,
@@ -69,12 +68,13 @@ impl KrylovBox {
     /// # Errors
     /// The errors of [`ProjectedJacobi::new`](crate::krylov::boxed::ProjectedJacobi::new); [`Error::Dimension`] if the surrogate has
     /// another size.
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         if let Some(surrogate) = &options.surrogate {
             Error::check_size("the surrogate's rows and columns", b.len(), surrogate.size())?;
         }
-        Ok(Self {
-            boxed: Boxed::new("krylov-box", b, options)?,
+        let (system, boxed) = Boxed::new("krylov-box", b, options)?;
+        let recurrence = Self {
+            boxed,
             white_known: options.diagonal.is_some(),
             model: None,
             candidate: vec![0.0; b.len()],
@@ -84,12 +84,12 @@ impl KrylovBox {
             // A white photo in the options counts as one more product.
             capacity: options.products + usize::from(options.diagonal.is_some()),
             gradient_known: false,
-        })
+        };
+        Ok(Solver::new(system, recurrence))
     }
 
     /// Moves to the best point between `x` and the candidate, whose product is in `work`. Returns the residuals before and after the move.
-    fn move_to(&mut self) -> (f64, f64) {
-        let system = &mut self.boxed.system;
+    fn move_to(&self, system: &mut System) -> (f64, f64) {
         let before = system.tally.residual;
         // work ← A (z − x) = A z − b + r
         update2(&mut system.work, &system.b, &system.r, |y, b, r| y - b + r);
@@ -97,26 +97,23 @@ impl KrylovBox {
         let t = if square > 0.0 { (dot(&system.r, &system.work) / square).clamp(0.0, 1.0) } else { 0.0 };
         update(&mut system.x, &self.candidate, |x, z| x + t * (z - x));
         axpy(-t, &system.work, &mut system.r);
-        let residual = norm(&system.r);
-        system.note(residual);
-        (before, residual)
+        (before, system.note_residual())
     }
 }
 
-impl Solver for KrylovBox {
-    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
-        self.boxed.system.fits(operator)?;
+impl Recurrence for KrylovBox {
+    fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
         let symmetric = operator.symmetry() == Symmetry::Symmetric && self.surrogate.is_none();
         let gain = if self.surrogate.is_some() { SURROGATE_GAIN } else { GAIN };
-        let taken = self.boxed.take_diagonal(operator)?;
+        let taken = self.boxed.take_diagonal(system, operator)?;
         let model = match &mut self.model {
             Some(model) => model,
             none => {
                 let mut model =
                     SecantModel::new(&self.boxed.diagonal, symmetric, self.surrogate.clone(), self.capacity);
-                let ones = vec![1.0; self.boxed.system.b.len()];
+                let ones = vec![1.0; system.b.len()];
                 if taken {
-                    model.learn(&ones, &self.boxed.system.work);
+                    model.learn(&ones, &system.work);
                 } else if self.white_known {
                     model.learn(&ones, &self.boxed.diagonal);
                 }
@@ -126,7 +123,6 @@ impl Solver for KrylovBox {
         if taken {
             return Ok(Advance::Continuing);
         }
-        let system = &mut self.boxed.system;
         if self.next == Next::Plan {
             self.candidate.copy_from_slice(&system.x);
             let predicted = model.minimize(&system.b, self.boxed.bounds, &mut self.candidate);
@@ -135,11 +131,7 @@ impl Solver for KrylovBox {
                 Next::Candidate
             } else if self.gradient_known {
                 // Only a symmetric model has the true gradient.
-                return Ok(Advance::Ended(if symmetric {
-                    Status::ConstrainedOptimum
-                } else {
-                    Status::Stalled
-                }));
+                return ended(if symmetric { Status::ConstrainedOptimum } else { Status::Stalled });
             } else {
                 Next::Residual
             };
@@ -148,11 +140,8 @@ impl Solver for KrylovBox {
             Next::Start => {
                 system.tally.product(operator, &system.x, &mut system.work)?;
                 model.learn(&system.x, &system.work);
-                system.pending = false;
-                self.boxed.brighten();
-                self.boxed.residual_from_work();
-                let residual = norm(&self.boxed.system.r);
-                self.boxed.system.note(residual);
+                self.boxed.brighten(system);
+                system.settle();
                 self.next = Next::Plan;
             }
             Next::Residual => {
@@ -164,7 +153,7 @@ impl Solver for KrylovBox {
             Next::Candidate | Next::Plan => {
                 system.tally.product(operator, &self.candidate, &mut system.work)?;
                 let new = model.learn(&self.candidate, &system.work);
-                let (before, after) = self.move_to();
+                let (before, after) = self.move_to(system);
                 let gained = before - after;
                 if gained > 0.0 {
                     self.gradient_known = false;
@@ -176,15 +165,11 @@ impl Solver for KrylovBox {
                 } else if new {
                     Next::Plan
                 } else {
-                    return Ok(Advance::Ended(Status::Stalled));
+                    return ended(Status::Stalled);
                 };
             }
         }
         Ok(Advance::Continuing)
-    }
-
-    fn system(&self) -> &System {
-        &self.boxed.system
     }
 }
 

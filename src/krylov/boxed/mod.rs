@@ -30,10 +30,6 @@ struct Bounds {
 }
 
 impl Bounds {
-    fn of(options: &SolveOptions) -> Self {
-        Self { lower: options.lower, upper: options.upper }
-    }
-
     fn clip(self, value: f64) -> f64 {
         value.max(self.lower).min(self.upper)
     }
@@ -47,10 +43,8 @@ const DARK: f64 = 1e-3;
 /// step changes a residual.
 const REACH: i32 = 200;
 
-/// A least-squares problem in a box, and the diagonal `D`. The first iterate is `x0` clipped, or `clip(b / D)`.
-#[derive(Clone)]
+/// The box of a least-squares problem, and the diagonal `D`. The first iterate is `x0` clipped, or `clip(b / D)`.
 struct Boxed {
-    system: System,
     bounds: Bounds,
     /// `D`, with small entries raised; empty until it is known.
     diagonal: Vec<f64>,
@@ -58,44 +52,44 @@ struct Boxed {
 }
 
 impl Boxed {
-    fn new(method: &str, b: &[f64], options: &SolveOptions) -> Result<Self> {
+    fn new(method: &str, b: &[f64], options: &SolveOptions) -> Result<(System, Self)> {
         if options.preconditioner.is_some() {
             return Err(Error::option("--precondition", format!("{method} takes no preconditioner"))
                 .help("give it a diagonal instead"));
         }
         let mut system = System::new(b.len(), b, options)?;
-        let bounds = Bounds::of(options);
+        let bounds = Bounds { lower: options.lower, upper: options.upper };
         system.pending = true;
         system.tally.residual = f64::INFINITY;
         system.tally.best = f64::INFINITY;
-        let mut boxed = Self { system, bounds, diagonal: Vec::new(), given_start: options.x0.is_some() };
+        let mut boxed = Self { bounds, diagonal: Vec::new(), given_start: options.x0.is_some() };
         if let Some(diagonal) = &options.diagonal {
             Error::check_size("the diagonal's length", b.len(), diagonal.len())?;
             let mut diagonal = diagonal.clone();
             let largest = diagonal.iter().fold(0.0_f64, |largest, d| largest.max(d.abs()));
             let operator_power = power(exponent(largest));
-            boxed.system.tally.operator_power = (largest > 0.0).then_some(operator_power);
+            system.tally.operator_power = (largest > 0.0).then_some(operator_power);
             scale(&mut diagonal, -operator_power);
-            boxed.set_diagonal(diagonal)?;
+            boxed.set_diagonal(&mut system, diagonal)?;
         } else {
-            boxed.start();
+            boxed.start(&mut system);
         }
-        Ok(boxed)
+        Ok((system, boxed))
     }
 
     /// Takes the white photo if `D` is not known yet: one product. Returns true if this call took it; it is then in `system.work`.
-    fn take_diagonal(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
+    fn take_diagonal(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<bool> {
         if !self.diagonal.is_empty() {
             return Ok(false);
         }
-        let ones = vec![1.0; self.system.b.len()];
-        self.system.tally.product(operator, &ones, &mut self.system.work)?;
-        self.set_diagonal(self.system.work.clone())?;
+        let ones = vec![1.0; system.b.len()];
+        system.tally.product(operator, &ones, &mut system.work)?;
+        self.set_diagonal(system, system.work.clone())?;
         Ok(true)
     }
 
     /// Sets `D`, divided like the products.
-    fn set_diagonal(&mut self, mut diagonal: Vec<f64>) -> Result<()> {
+    fn set_diagonal(&mut self, system: &mut System, mut diagonal: Vec<f64>) -> Result<()> {
         let largest = diagonal.iter().fold(0.0_f64, |largest, d| largest.max(d.abs()));
         if !largest.is_finite() || diagonal.iter().any(|d| d.is_nan()) {
             return Err(Error::Numerical("the diagonal holds a NaN or an infinity".into()));
@@ -106,18 +100,17 @@ impl Boxed {
             *d = d.abs().max(floor);
         }
         self.diagonal = diagonal;
-        self.divide(exponent(largest), largest > 0.0)?;
-        self.start();
+        self.divide(system, exponent(largest), largest > 0.0)?;
+        self.start(system);
         Ok(())
     }
 
     /// Divides the right-hand side, the bounds and the first iterate so that products of patterns in the box are of ordinary size.
     /// `largest` is the exponent of the largest entry of `D`, if there is any light.
-    fn divide(&mut self, largest: i32, is_light: bool) -> Result<()> {
-        let Self { system, bounds, .. } = self;
+    fn divide(&mut self, system: &mut System, largest: i32, is_light: bool) -> Result<()> {
         let operator_power = system.tally.operator_power.unwrap_or(0);
         let image = |bound: f64| largest + operator_power + exponent(bound);
-        let Bounds { lower, upper } = *bounds;
+        let Bounds { lower, upper } = self.bounds;
         // The magnitudes of the values in the box nearest to black and furthest from it.
         let (least, most) = (lower.max(0.0).max(-upper), lower.abs().max(upper));
         let rhs = exponent(system.tally.rhs_norm) + system.rhs_power;
@@ -131,14 +124,13 @@ impl Boxed {
         }
         system.multiply_rhs(system.rhs_power - rhs_power);
         let shift = system.divide()?;
-        *bounds = Bounds { lower: scaled(lower, shift), upper: scaled(upper, shift) };
+        self.bounds = Bounds { lower: scaled(lower, shift), upper: scaled(upper, shift) };
         Ok(())
     }
 
     /// `x ← clip(x0)`, or `clip(b / D)` without an `x0`.
-    fn start(&mut self) {
+    fn start(&self, System { x, b, .. }: &mut System) {
         let bounds = self.bounds;
-        let System { x, b, .. } = &mut self.system;
         if self.given_start {
             update(x, b, |x, _| bounds.clip(x));
         } else if self.diagonal.is_empty() {
@@ -149,9 +141,8 @@ impl Boxed {
     }
 
     /// `x ← t x` with the best `t` that keeps `x` inside the box. By linearity, the product in `system.work` is also scaled by `t`.
-    fn brighten(&mut self) {
+    fn brighten(&self, System { x, b, work, .. }: &mut System) {
         let Bounds { lower, upper } = self.bounds;
-        let System { x, b, work, .. } = &mut self.system;
         let square = dot(work, work);
         if square == 0.0 {
             return;
@@ -170,11 +161,5 @@ impl Boxed {
         let bounds = self.bounds;
         x.iter_mut().for_each(|value| *value = bounds.clip(t * *value));
         work.iter_mut().for_each(|value| *value *= t);
-    }
-
-    /// `r ← b − A x` from the product in `system.work`.
-    fn residual_from_work(&mut self) {
-        let System { r, b, work, .. } = &mut self.system;
-        update2(r, b, work, |_, b, y| b - y);
     }
 }

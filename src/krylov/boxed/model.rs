@@ -1,5 +1,6 @@
 //! The model of the operator that krylov-box learns from its products, and surrogates for unexplored directions.
 
+use std::fmt;
 use std::sync::Arc;
 
 use super::sweep::InnerProducts;
@@ -27,7 +28,6 @@ use crate::krylov::basis::{Basis, axpy, dot, norm, orthogonalize, update, update
 /// ```text
 /// ‖D^½ M̂ u − b‖² + δ² ‖(I − VVᵀ) u‖²
 /// ```
-#[derive(Clone)]
 pub(super) struct SecantModel {
     /// `D^½`.
     pub(super) root: Vec<f64>,
@@ -46,7 +46,7 @@ pub(super) struct SecantModel {
     pub(super) work: WorkVectors,
 }
 
-#[derive(Clone, Default)]
+#[derive(Default)]
 pub(super) struct WorkVectors {
     pub(super) u: Vec<f64>,
     pub(super) y: Vec<f64>,
@@ -203,11 +203,16 @@ pub trait Surrogate: Send + Sync {
     fn apply_adjoint(&self, y: &[f64], x: &mut [f64]);
 }
 
+impl fmt::Debug for dyn Surrogate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Surrogate({})", self.size())
+    }
+}
+
 /// The number of first products to which a surrogate is fitted. Later products correct it where it is wrong.
 const FITTED: usize = 16;
 
 /// A surrogate in scaled coordinates, `P̂ = D^-½ P D^-½`, corrected so that it agrees with all products: `P̂ + (W − P̂ V) Vᵀ`.
-#[derive(Clone)]
 pub(super) struct Corrected {
     surrogate: Arc<dyn Surrogate>,
     patterns: Vec<Vec<f64>>,

@@ -190,7 +190,7 @@ impl Coordinates {
 
 /// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a [`SecantModel`]. With them, the coordinates of
 /// `M̂ D M̂ u` follow from the coordinates of `u`.
-#[derive(Clone, Default)]
+#[derive(Default)]
 pub(super) struct InnerProducts {
     vv: Vec<Vec<f64>>,
     vw: Vec<Vec<f64>>,

@@ -5,16 +5,14 @@ mod power;
 
 use std::ops::ControlFlow;
 
-use confirm::confirm_dyn;
 use power::power;
 
-use super::completeness::{Completeness, Confirm, FurtherSteps, Stats, Status, confirming};
+use super::completeness::{Completeness, Confirm, FurtherSteps, Recorder, Stats, Status, confirming};
 use super::factor;
-use super::factor::{Arnoldi, BlockLanczos, Factorization, Lanczos, PairStatus, RitzPair, Which};
+use super::factor::{Factorization, PairStatus, RitzPair, Which};
 use super::powers::{Rescaled, multiply_eigs, scaled};
 use super::start::Start;
 use crate::error::{Error, Result};
-use crate::observer::{Estimate, Step};
 use crate::operator::Operator;
 
 pub use confirm::{Beside, confirm, largest_beside};
@@ -24,15 +22,15 @@ pub use confirm::{Beside, confirm, largest_beside};
 pub enum EigsMethod {
     /// Power iteration, the paper's Algorithm 1: the pair of largest magnitude, for any operator. It serves as a baseline.
     Power,
-    /// [`Lanczos`], for symmetric operators: the best method in nearly all cases.
+    /// [`Factorization::lanczos`], for symmetric operators: the best method in nearly all cases.
     #[default]
     Lanczos,
-    /// [`BlockLanczos`], for symmetric operators with repeated eigenvalues.
+    /// [`Factorization::block_lanczos`], for symmetric operators with repeated eigenvalues.
     BlockLanczos {
         /// The number of vectors in the block, at least 1. The method finds up to this many copies of an eigenvalue.
         block: usize,
     },
-    /// [`Arnoldi`], for any operator; it also finds complex pairs.
+    /// [`Factorization::arnoldi`], for any operator; it also finds complex pairs.
     Arnoldi,
 }
 
@@ -109,7 +107,7 @@ pub struct Eigs {
     pub gap_bounds: Vec<f64>,
     /// The status of each pair.
     pub statuses: Vec<PairStatus>,
-    /// `‖H − Hᵀ‖_F / ‖H‖_F` of the operator on the subspace, see [`Expansion::asymmetry`](crate::krylov::Expansion::asymmetry). Power
+    /// `‖H − Hᵀ‖_F / ‖H‖_F` of the operator on the subspace, see [`Factorization::asymmetry`]. Power
     /// iteration does not measure it and returns 0.
     pub asymmetry: f64,
     /// A row for each product of this run.
@@ -179,15 +177,15 @@ impl EigsOptions {
 
 /// Finds eigenpairs `A y = θ y` of an operator (`n × n`) by the chosen method, within a budget of products.
 ///
-/// The operator's observer sees each product ([`Estimate::Eigenpairs`]). The function returns the best pairs so far when the budget ends or
+/// The operator's observer sees each product ([`Estimate::Eigenpairs`](crate::observer::Estimate::Eigenpairs)). The function returns the best pairs so far when the budget ends or
 /// the observer stops it. Lanczos finds a repeated eigenvalue once, and blocks of `b` find up to `b` copies; [`EigsOptions::confirm`] finds
 /// the others. [`Eigs::completeness`] states which values may have been missed.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis`, `EigsOptions::noise` or `--which` if its value
-/// cannot be used; the errors of [`Lanczos::new`] and [`Factorization::expand`]. To keep the products taken before an operator failed, hold
+/// cannot be used; the errors of [`Factorization::lanczos`] and [`Factorization::expand`]. To keep the products taken before an operator failed, hold
 /// the factorization and use [`eigs_from`].
-pub fn eigs<O: Operator + ?Sized>(operator: &mut O, options: &EigsOptions) -> Result<Eigs> {
+pub fn eigs(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let mut operator = Rescaled::new(operator);
     let found = eigs_of(&mut operator, options);
     let Some(power) = operator.begins_again() else { return found };
@@ -201,23 +199,23 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     options.check()?;
     let n = operator.cols();
     let start = || options.start.vector(n);
-    let mut factorization: Box<dyn Factorization> = match options.method {
+    let mut factorization = match options.method {
         EigsMethod::Power => return power(operator, options),
         EigsMethod::Arnoldi => {
-            return drive(&mut Arnoldi::new(&start(), &options.deflate)?, operator, options);
+            return eigs_from(&mut Factorization::arnoldi(&start(), &options.deflate)?, operator, options);
         }
-        EigsMethod::Lanczos => Box::new(Lanczos::new(&start(), &options.deflate)?),
+        EigsMethod::Lanczos => Factorization::lanczos(&start(), &options.deflate)?,
         EigsMethod::BlockLanczos { block } => {
-            Box::new(BlockLanczos::new(&options.start.block(n, block), &options.deflate)?)
+            Factorization::block_lanczos(&options.start.block(n, block), &options.deflate)?
         }
     };
-    let mut found = drive(&mut *factorization, operator, options)?;
-    let broke_down = factorization.expansion().broke_down();
+    let mut found = eigs_from(&mut factorization, operator, options)?;
+    let broke_down = factorization.broke_down();
     drop(factorization);
     let left = options.products.saturating_sub(found.stats.products);
     let (is_free, _) = confirming(operator, |operator, is_free| {
         let how = Confirm::of(options.confirm, is_free, broke_down, left);
-        how.map_or(Ok(()), |how| confirm_dyn(operator, &mut found, options, &how))
+        how.map_or(Ok(()), |how| confirm(operator, &mut found, options, &how))
     })?;
     if !is_free {
         found.stats.products += found.confirming;
@@ -231,17 +229,8 @@ const NEAR: f64 = 1e3;
 /// Continues the search of [`eigs()`] from a factorization. `options.products` includes the products already in it; `method`, `start` and
 /// `deflate` are ignored. After an error, `factorization` holds everything up to the product that failed, and another call continues from
 /// there. Fails with the errors of [`eigs()`].
-pub fn eigs_from<O: Operator + ?Sized>(
-    factorization: &mut dyn Factorization,
-    operator: &mut O,
-    options: &EigsOptions,
-) -> Result<Eigs> {
-    let mut operator = operator;
-    drive(factorization, &mut operator, options)
-}
-
-fn drive(
-    factorization: &mut dyn Factorization,
+pub fn eigs_from(
+    factorization: &mut Factorization,
     operator: &mut dyn Operator,
     options: &EigsOptions,
 ) -> Result<Eigs> {
@@ -249,8 +238,8 @@ fn drive(
     let most = options.max_basis.unwrap_or(usize::MAX);
     let left = options.products.saturating_sub(factorization.products());
     let steps = (factorization.steps() + left).min(most);
-    factorization.expansion_mut().reserve(steps);
-    let mut recorder = Recorder::new(options);
+    factorization.reserve(steps);
+    let mut recorder = Recorder::new(options.products);
     let mut further = FurtherSteps::new(factorization.n());
     let mut pairs = factorization.ritz(options.which, options.count)?;
     let status = loop {
@@ -264,7 +253,7 @@ fn drive(
         if factorization.products() >= options.products {
             break spent(&pairs, options, factorization.scale());
         }
-        let waiting = factorization.expansion().pending();
+        let waiting = factorization.pending();
         if factorization.steps() + waiting >= most {
             // Half of the unwanted pairs are kept too, so that the next cycle converges faster.
             let steps = factorization.steps();
@@ -276,7 +265,11 @@ fn drive(
         }
         let step = factorization.expand(operator)?;
         pairs = factorization.ritz(options.which, options.count)?;
-        let flow = recorder.row(operator, factorization.products(), &pairs);
+        let flow = recorder.row(
+            operator.observer(),
+            factorization.products(),
+            pairs.iter().map(|pair| (pair.value, pair.residual)),
+        );
         if step == factor::Step::Exhausted {
             break exhausted(factorization, options);
         }
@@ -297,8 +290,8 @@ fn drive(
 }
 
 /// The status when all directions are spanned: the answer is exact unless the products have noise.
-fn exhausted(factorization: &dyn Factorization, options: &EigsOptions) -> Status {
-    let is_noisy = options.noise > 0.0 || factorization.expansion().largest_error() > 0.0;
+fn exhausted(factorization: &Factorization, options: &EigsOptions) -> Status {
+    let is_noisy = options.noise > 0.0 || factorization.largest_error() > 0.0;
     if is_noisy { Status::NoiseFloor } else { Status::SpaceExhausted }
 }
 
@@ -329,30 +322,6 @@ fn spent(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> Status {
         Status::NoiseFloor
     } else {
         Status::BudgetSpent
-    }
-}
-
-struct Recorder {
-    budget: usize,
-    history: Vec<HistoryRow>,
-}
-
-impl Recorder {
-    fn new(options: &EigsOptions) -> Self {
-        Self { budget: options.products, history: Vec::new() }
-    }
-
-    fn row(&mut self, operator: &dyn Operator, products: usize, pairs: &[RitzPair]) -> ControlFlow<()> {
-        let values: Vec<f64> = pairs.iter().map(|pair| pair.value).collect();
-        let residuals: Vec<f64> = pairs.iter().map(|pair| pair.residual).collect();
-        let flow = operator.observer().step(&Step {
-            stage: "photos",
-            done: products as u64,
-            total: self.budget as u64,
-            estimate: Estimate::Eigenpairs { values: &values, residuals: &residuals },
-        });
-        self.history.push(HistoryRow { products, values, residuals });
-        flow
     }
 }
 

@@ -2,12 +2,12 @@
 
 use std::ops::ControlFlow;
 
-use super::{Eigs, EigsOptions, Found, Recorder, good_enough, spent};
+use super::{Eigs, EigsOptions, Found, good_enough, spent};
 use crate::error::{Error, Result};
 use crate::krylov::basis::{dot, norm};
-use crate::krylov::completeness::{Stats, Status};
-use crate::krylov::factor::{Factorization, Lanczos, RitzPair, Which, point_upwards};
-use crate::operator::{Operator, Symmetry};
+use crate::krylov::completeness::{Recorder, Stats, Status};
+use crate::krylov::factor::{Factorization, RitzPair, Which, point_upwards};
+use crate::operator::{Operator, Symmetry, check_square};
 
 /// Power iteration, `x ← A x / ‖A x‖`, the paper's Algorithm 1: finds the eigenpair `A x = θ x` of largest
 /// magnitude of an `A` of `n × n`.
@@ -26,16 +26,16 @@ pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Resul
     let n = operator.cols();
     check(operator, options)?;
     // Checks, orthonormalizes and projects the start as for Lanczos, without a step.
-    let start = Lanczos::new(&options.start.vector(n), &options.deflate)?;
+    let start = Factorization::lanczos(&options.start.vector(n), &options.deflate)?;
     let known = start.known();
-    let Some(first) = start.expansion().waiting().first() else {
+    let Some(first) = start.waiting().first() else {
         return Err(Error::Numerical("the known vectors span the whole space".into()));
     };
     let (mut x, mut product) = (first.clone(), vec![0.0; n]);
     let mut best: Vec<f64> = Vec::new();
     let mut pairs: Vec<RitzPair> = Vec::new();
     let mut scale = 0.0_f64;
-    let mut recorder = Recorder::new(options);
+    let mut recorder = Recorder::new(options.products);
     let mut products = 0;
     let status = loop {
         if let Some(status) = good_enough(&pairs, options, (scale, n)) {
@@ -59,7 +59,7 @@ pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Resul
         let noise = operator.standard_error();
         pairs = vec![pair([value, residual, noise], scale, n, operator.symmetry())];
         best.clone_from(&x);
-        let flow = recorder.row(operator, products, &pairs);
+        let flow = recorder.row(operator.observer(), products, [(value, residual)].into_iter());
         for vector in known {
             let share = dot(vector, &product);
             product.iter_mut().zip(vector).for_each(|(value, entry)| *value -= share * entry);
@@ -83,17 +83,14 @@ pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Resul
 fn pair([value, residual, noise]: [f64; 3], scale: f64, n: usize, symmetry: Symmetry) -> RitzPair {
     RitzPair {
         value,
-        imaginary: 0.0,
         residual,
-        gap: 0.0,
         // The left eigenvector is unknown.
         condition: if symmetry == Symmetry::Symmetric { 1.0 } else { f64::INFINITY },
         rounding: f64::EPSILON * scale * (10.0 + (n as f64).sqrt()),
         noise,
-        asymmetric: 0.0,
         unresolved: (residual * residual - noise * noise).max(0.0).sqrt(),
         coefficients: vec![1.0],
-        imaginary_coefficients: Vec::new(),
+        ..RitzPair::default()
     }
 }
 
@@ -102,9 +99,7 @@ fn distance(product: &[f64], x: &[f64], value: f64) -> f64 {
 }
 
 fn check(operator: &dyn Operator, options: &EigsOptions) -> Result<()> {
-    let n = operator.cols();
-    let found = format!("{}x{n}", operator.rows());
-    Error::check_size("the operator of a power iteration", format!("{n}x{n}"), found)?;
+    check_square("the operator of a power iteration", operator.cols(), operator)?;
     let refuse = |option: &str, fault: &str, help: &str| Err(Error::option(option, fault).help(help));
     if options.count != 1 {
         return refuse("--count", "power iteration finds one eigenpair", "ask for 1, or use another method");

@@ -1,33 +1,222 @@
 //! Krylov factorizations `A V = V⁺ H`, the source of eigenpairs.
 
-mod expansion;
-mod processes;
 mod ritz;
 mod save;
 mod step;
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
-use ritz::{ritz_of_symmetric, shrink_symmetric};
+use super::basis::{Basis, exceeds_rounding, norm, orthogonalize};
+use super::start::seeded;
+use crate::error::{Error, Result};
+use crate::operator::{Operator, Symmetry, check_square};
 
-use crate::error::Result;
-use crate::operator::Operator;
-
-pub use expansion::Expansion;
-pub use processes::{Arnoldi, BlockLanczos, Lanczos};
 pub use ritz::{PairStatus, RitzPair, Which, temple_kato};
 pub use step::Step;
+
+/// The process that makes a [`Factorization`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ProcessKind {
+    /// A Lanczos factorization of a symmetric operator `A` of `n × n`, with full reorthogonalization.
+    ///
+    /// After `m` steps, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric tridiagonal (diagonal `α`, off-diagonal `β`) and `v` the next
+    /// basis vector,
+    ///
+    /// ```text
+    /// A V = V T + β_m v e_mᵀ,    VᵀV = I,    Vᵀv = 0,    QᵀV = 0
+    /// ```
+    ///
+    /// where `Q` are known vectors (deflation). The process projects them out of the start and of every new vector. If `Q` are eigenvectors of
+    /// `A`, the process sees `A` only on the rest of the space. A further copy of one of their eigenvalues then appears as a simple eigenvalue.
+    ///
+    /// A step takes exactly one product. If the product fails, the factorization is bitwise unchanged and the step can be taken again. Storage:
+    /// `m + 1 + k` vectors of `n` for `k` known vectors, and one work vector.
+    ///
+    /// Reorthogonalization computes the coefficients of `A v_j` on all basis vectors, and the process keeps them. If `A` is symmetric, the
+    /// coefficients outside the tridiagonal are zero to rounding. Otherwise they measure the asymmetry ([`Factorization::asymmetry`]) and keep the
+    /// residual norms correct.
+    ///
+    /// References: Lanczos (1950), doi:10.6028/jres.045.026; Paige, *The computation of eigenvalues and eigenvectors of very large sparse
+    /// matrices* (1971); Parlett, *The Symmetric Eigenvalue Problem*, chapter 13, doi:10.1137/1.9781611971163. With photos for products:
+    /// O'Toole and Kutulakos, sections 3 and 4; *Optical computing for fast light transport analysis* (2010), doi:10.1145/1882261.1866165.
+    Lanczos = 1,
+    /// A block Lanczos factorization of a symmetric operator `A` of `n × n`, with full reorthogonalization.
+    ///
+    /// After `m` steps from a block of `b` vectors, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric with `b` diagonals beside the
+    /// main one, and `W` the `p ≤ b` waiting vectors,
+    ///
+    /// ```text
+    /// A V = V T + W B,    [V W]ᵀ[V W] = I,    Qᵀ[V W] = 0
+    /// ```
+    ///
+    /// where `Q` are known vectors that are projected out (see [`ProcessKind::Lanczos`]). A single start vector sees one vector of
+    /// each eigenspace. A block of `b` start vectors sees `b` of them, and finds all copies of an eigenvalue that is repeated up to `b` times.
+    /// A full round over the block costs `b` products and raises the polynomial degree by one, like one Lanczos step.
+    ///
+    /// A step takes one product (Ruhe's band form), so the process can stop and resume within a block. The products with the waiting vectors
+    /// may be taken together before their steps ([`Factorization::multiply_block`]). The block becomes narrower if a product lies in the span
+    /// or if start vectors are dependent. When the block is used up, the subspace is invariant, and the process continues from `b` random
+    /// vectors. The process stores `m + p + k` vectors of `n` for `k` known vectors, and one work vector.
+    ///
+    /// References: Golub and Underwood, *The block Lanczos method for computing eigenvalues*, Mathematical Software III (1977); Ruhe,
+    /// *Implementation aspects of band Lanczos algorithms*, Math. Comp. 33 (1979), doi:10.1090/S0025-5718-1979-0521282-9.
+    BlockLanczos = 2,
+    /// An Arnoldi factorization of any operator `A` of `n × n`, with full reorthogonalization.
+    ///
+    /// After `m` steps, with `V` of `n × m` orthonormal, `H` of `m × m` upper Hessenberg and `v` the next basis vector,
+    ///
+    /// ```text
+    /// A V = V H + h_{m+1,m} v e_mᵀ,    VᵀV = I,    Vᵀv = 0,    QᵀV = 0
+    /// ```
+    ///
+    /// where `Q` are known vectors, projected out of the start and of every new vector. The process then sees `(I − QQᵀ) A` on the rest of the
+    /// space. If `Q` spans an invariant subspace, the eigenvalues there are the other eigenvalues of `A`. The Ritz vectors then approximate
+    /// Schur vectors and not eigenvectors, unless `Q` is also invariant under `Aᵀ`. The residual norms are the norms for `A`, and show the
+    /// difference.
+    ///
+    /// A breakdown, `h_{m+1,m} = 0`, is harmless: `V` is invariant, its Ritz pairs are eigenpairs, and the process continues from a random
+    /// vector. The process stores `m + 1 + k` vectors of `n` for `k` known vectors, and one work vector.
+    ///
+    /// References: Arnoldi, *The principle of minimized iterations in the solution of the matrix eigenvalue problem* (1951),
+    /// doi:10.1090/qam/42792; Saad, *Numerical Methods for Large Eigenvalue Problems*, chapter 6, doi:10.1137/1.9781611970739. With photos for
+    /// products: O'Toole and Kutulakos, sections 3 and 4.
+    Arnoldi = 3,
+}
 
 /// A factorization that takes one product per step. Its eigenpairs need no further product.
 ///
 /// It can be stopped, inspected, saved and resumed after any step. If a product fails, the factorization is bitwise unchanged, and the step
 /// can be taken again.
-pub trait Factorization {
-    /// Returns basis, coefficients and counts.
-    fn expansion(&self) -> &Expansion;
+///
+/// Let `A` be an operator of `n × n`. After `m` steps, with `p` vectors waiting for their product,
+///
+/// ```text
+/// A V = V⁺ H + Q C,    V⁺ = [V v_{m+1} … v_{m+p}] of n × (m+p), orthonormal,    QᵀV⁺ = 0
+/// ```
+///
+/// where `H = V⁺ᵀ A V` is `(m+p) × m` and `C = Qᵀ A V` has a row per known vector. `p` is 1 for Lanczos and Arnoldi. Otherwise it is the
+/// block size minus the number of products that were in the span. A step multiplies `v_{m+1}` and appends the part of the product that is
+/// orthogonal to the basis (Ruhe's band form of the block process). A block process therefore also takes one product per step. The process
+/// stores `m + p + k` vectors of length `n` for `k` known vectors, and one work vector.
+#[derive(Clone, Debug)]
+pub struct Factorization {
+    kind: ProcessKind,
+    /// Columns `Q`, then `v_1 … v_{m+p}`.
+    basis: Basis,
+    known: usize,
+    /// The number of vectors that start the process, and that continue it from an invariant subspace.
+    block: usize,
+    /// For each step, the coefficients of `A v_j` on `Q, v_1, …`, up to the vector that the step appended.
+    columns: Vec<Vec<f64>>,
+    /// For each step, the standard error of `A v_j` ([`Operator::standard_errors`]); 0 if it is unknown.
+    errors: Vec<f64>,
+    /// A bound on the Frobenius norm of the part of `A V` that restarts discarded; for symmetric products it is rounding error. There is
+    /// one bound for all columns, because rotations do not change it. Bounds per column would grow with every restart.
+    leak: f64,
+    products: usize,
+    /// The largest `‖A v_j‖` so far, a lower bound of `‖A‖`.
+    scale: f64,
+    draws: u64,
+    work: Vec<f64>,
+    /// The parts that the last column still has along the columns before it, at most 1e-12 in all; empty if there are none. The next step
+    /// removes them.
+    late: Vec<f64>,
+    /// Products with the first waiting vectors, taken as a block before their steps.
+    ready: VecDeque<(Vec<f64>, f64)>,
+    /// Removes noise from the next direction. It is not saved.
+    filter: Option<Filter>,
+}
 
-    /// Returns [`Factorization::expansion`] mutably, to allocate memory ([`Expansion::reserve`]).
-    fn expansion_mut(&mut self) -> &mut Expansion;
+impl Factorization {
+    /// Starts a Lanczos process from `start` (length `n`) and projects out the vectors of `deflate`. These have length `n` each and are
+    /// independent; they need not be normalized or orthogonal. A start within their span is replaced by a random vector.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] if a length differs from the length of the start. [`Error::Numerical`] if a vector holds NaN or an infinity, if
+    /// `n = 0`, or if a known vector is zero or depends on the vectors before it.
+    pub fn lanczos(start: &[f64], deflate: &[Vec<f64>]) -> Result<Self> {
+        Self::start(ProcessKind::Lanczos, &[start.to_vec()], deflate)
+    }
+
+    /// Starts a block Lanczos process from the vectors of `starts` (`b ≥ 1`, length `n` each) and leaves out dependent ones. The vectors of
+    /// `deflate` are projected out. Fails with the errors of [`Factorization::lanczos`].
+    pub fn block_lanczos(starts: &[Vec<f64>], deflate: &[Vec<f64>]) -> Result<Self> {
+        Self::start(ProcessKind::BlockLanczos, starts, deflate)
+    }
+
+    /// Starts an Arnoldi process from `start` (length `n`) and projects out the vectors of `deflate`. Fails with the errors of
+    /// [`Factorization::lanczos`].
+    pub fn arnoldi(start: &[f64], deflate: &[Vec<f64>]) -> Result<Self> {
+        Self::start(ProcessKind::Arnoldi, &[start.to_vec()], deflate)
+    }
+
+    /// Starts from the independent vectors among `starts`, with `deflate` projected out. If none remains, it starts from a random vector.
+    /// `n` is the length of the first start.
+    fn start(kind: ProcessKind, starts: &[Vec<f64>], deflate: &[Vec<f64>]) -> Result<Self> {
+        let n = starts.first().map_or(0, Vec::len);
+        if n == 0 {
+            return Err(Error::Numerical("a Krylov process needs a space of at least one dimension".into()));
+        }
+        let mut basis = Basis::new(n);
+        for (index, vector) in deflate.iter().enumerate() {
+            Error::check_size("a known vector's length", n, vector.len())?;
+            if !append(&mut basis, vector)? {
+                return Err(Error::Numerical(format!(
+                    "known vector {} is zero or depends on those before it",
+                    index + 1
+                )));
+            }
+        }
+        let known = basis.len();
+        for start in starts {
+            Error::check_size("a start vector's length", n, start.len())?;
+            append(&mut basis, start)?;
+        }
+        let mut process = Self {
+            kind,
+            basis,
+            known,
+            block: starts.len().min(n),
+            columns: Vec::new(),
+            errors: Vec::new(),
+            leak: 0.0,
+            products: 0,
+            scale: 0.0,
+            draws: 0,
+            work: vec![0.0; n],
+            late: Vec::new(),
+            ready: VecDeque::new(),
+            filter: None,
+        };
+        if process.basis.len() == known {
+            process.append_random();
+        }
+        Ok(process)
+    }
+
+    /// From the next step on, filters the directions that noise dominates; see [`Filter`].
+    #[must_use]
+    pub fn filtered(self, filter: Filter) -> Self {
+        Self { filter: Some(filter), ..self }
+    }
+
+    /// Widens the block of a Lanczos process by vectors (length `n` each) that start with the next step, to find further copies of an
+    /// eigenvalue. The process keeps its state. Vectors in the span of the basis are left out.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] if a length differs; [`Error::Numerical`] for NaN or an infinity.
+    pub fn widen(&mut self, starts: &[Vec<f64>]) -> Result<()> {
+        self.settle();
+        for start in starts {
+            Error::check_size("a start vector's length", self.n(), start.len())?;
+            if self.basis.len() < self.n() {
+                append(&mut self.basis, start)?;
+            }
+        }
+        self.block = (self.block + starts.len()).min(self.n());
+        Ok(())
+    }
 
     /// Takes one step: one product with `operator` (`n × n`). The operator must be the same in every step.
     ///
@@ -35,7 +224,11 @@ pub trait Factorization {
     /// [`Error::Dimension`](crate::Error::Dimension) if the operator is not `n × n`. [`Error::Numerical`](crate::Error::Numerical) if the
     /// process needs a symmetric operator and this one is not declared symmetric (no product is taken then), or if the product contains NaN
     /// or an infinity. The error of the product. After any error the factorization is as it was before the step.
-    fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step>;
+    pub fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step> {
+        self.fits(operator)?;
+        // For a symmetric operator, A v_j lies in the span of v_{j−b} … v_{j+b}. The last of these is not in the basis yet.
+        self.step(operator, if self.is_symmetric() { 2 * self.block } else { 0 })
+    }
 
     /// Takes up to `most` of the next products as one block, of [`Operator::block_size`]; the following steps use them. It takes nothing if
     /// that size is 1, if only one vector waits, or if such products are left. The caller must be certain to take these steps; the call
@@ -43,72 +236,62 @@ pub trait Factorization {
     ///
     /// # Errors
     /// The errors of [`Factorization::expand`]; the factorization is then unchanged.
-    fn multiply_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
-        self.expansion_mut().multiply_block(operator, most)
+    pub fn multiply_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
+        self.fits(operator)?;
+        self.take_block(operator, most)
     }
 
-    /// Computes the `min(count, m)` most wanted Ritz pairs, the most wanted first. The default computes the pairs of a symmetric operator.
+    /// Returns true if the process uses the symmetry of its operator.
+    fn is_symmetric(&self) -> bool {
+        self.kind != ProcessKind::Arnoldi
+    }
+
+    /// Refuses an operator of another size, or without the symmetry that the process needs.
+    fn fits(&self, operator: &dyn Operator) -> Result<()> {
+        if self.is_symmetric() && operator.symmetry() != Symmetry::Symmetric {
+            return Err(Error::Numerical(
+                "Lanczos needs a symmetric operator (a coaxial rig's), and this one is not declared symmetric".into(),
+            ));
+        }
+        check_square("the operator of a Krylov process", self.n(), operator)
+    }
+
+    /// Computes the `min(count, m)` most wanted Ritz pairs, the most wanted first.
     ///
     /// # Errors
     /// [`Error::Numerical`](crate::Error::Numerical) if the dense eigensolver fails on `H`. [`Error::Option`](crate::Error::Option) naming
-    /// `--which` if this factorization cannot find that end of the spectrum.
-    fn ritz(&self, which: Which, count: usize) -> Result<Vec<RitzPair>> {
-        ritz_of_symmetric(self.expansion(), which, count)
+    /// `--which` if this process cannot find that end of the spectrum.
+    pub fn ritz(&self, which: Which, count: usize) -> Result<Vec<RitzPair>> {
+        if self.is_symmetric() {
+            self.ritz_of_symmetric(which, count)
+        } else {
+            self.ritz_of_general(which, count)
+        }
     }
 
     /// Thick restart: shrinks the subspace to the `keep` most wanted Ritz vectors without a product, and the process continues from there
     /// (Wu and Simon, doi:10.1137/S0895479898334605). Does nothing for `keep ≥ m`.
     ///
     /// # Errors
-    /// The errors of [`Factorization::ritz`]; [`Error::Numerical`](crate::Error::Numerical) if restarts are not supported.
-    fn shrink(&mut self, which: Which, keep: usize) -> Result<()> {
-        shrink_symmetric(self.expansion_mut(), which, keep)
-    }
-
-    /// The dimension of the space.
-    fn n(&self) -> usize {
-        self.expansion().n()
-    }
-
-    /// The dimension `m` of the subspace; without restarts, the number of steps done.
-    fn steps(&self) -> usize {
-        self.expansion().steps()
-    }
-
-    /// The number of products, one per step.
-    fn products(&self) -> usize {
-        self.expansion().products()
-    }
-
-    /// Returns true if the subspace is the whole space without the known vectors. Further steps then take no product.
-    fn is_exhausted(&self) -> bool {
-        self.expansion().pending() == 0
-    }
-
-    /// `V`: `m` orthonormal vectors of length `n`.
-    fn basis(&self) -> &[Vec<f64>] {
-        self.expansion().basis()
-    }
-
-    /// `Q`: the known vectors, made orthonormal.
-    fn known(&self) -> &[Vec<f64>] {
-        self.expansion().known()
-    }
-
-    /// The largest `‖A v_j‖` so far, a lower bound of `‖A‖₂`.
-    fn scale(&self) -> f64 {
-        self.expansion().scale()
-    }
-
-    /// See [`Expansion::asymmetry`].
-    fn asymmetry(&self) -> f64 {
-        self.expansion().asymmetry()
+    /// The errors of [`Factorization::ritz`]; [`Error::Numerical`](crate::Error::Numerical) for an Arnoldi process, which has no restarts.
+    pub fn shrink(&mut self, which: Which, keep: usize) -> Result<()> {
+        if keep >= self.steps() {
+            return Ok(());
+        }
+        if !self.is_symmetric() {
+            return Err(Error::Numerical(
+                "an Arnoldi process cannot be restarted; give it the memory for all steps".into(),
+            ));
+        }
+        let pairs = self.all_of_symmetric(which)?;
+        self.restart(&pairs[..keep]);
+        Ok(())
     }
 
     /// The real Ritz vector `y = V s` of a pair from this factorization: length `n`, norm 1, and the entry of largest magnitude positive.
     /// For a complex pair it is the real part, with its sign unchanged.
-    fn ritz_vector(&self, pair: &RitzPair) -> Vec<f64> {
-        let mut vector = self.expansion().combine(&pair.coefficients);
+    pub fn ritz_vector(&self, pair: &RitzPair) -> Vec<f64> {
+        let mut vector = self.combine(&pair.coefficients);
         if pair.is_real() {
             point_upwards(&mut vector);
         }
@@ -116,9 +299,177 @@ pub trait Factorization {
     }
 
     /// The imaginary part of a Ritz vector (length `n`): zero for a real pair.
-    fn ritz_vector_imaginary(&self, pair: &RitzPair) -> Vec<f64> {
-        self.expansion().combine(&pair.imaginary_coefficients)
+    pub fn ritz_vector_imaginary(&self, pair: &RitzPair) -> Vec<f64> {
+        self.combine(&pair.imaginary_coefficients)
     }
+
+    /// Returns true if the subspace is the whole space without the known vectors. Further steps then take no product.
+    pub fn is_exhausted(&self) -> bool {
+        self.pending() == 0
+    }
+
+    /// `b`: the number of start vectors so far. [`Factorization::pending`] returns how many are left.
+    pub fn block(&self) -> usize {
+        self.block
+    }
+
+    /// `α_1 … α_m`, the diagonal of `H`.
+    pub fn alphas(&self) -> Vec<f64> {
+        (0..self.steps()).map(|j| self.entry(j, j)).collect()
+    }
+
+    /// `β_1 … β_m` of a process from one start: the diagonal below the main one, followed by the norm of the residual `β_m v e_mᵀ`. An
+    /// entry is zero if the subspace was invariant. After [`Factorization::shrink`], the kept Ritz vectors couple to the first vector after
+    /// them instead (see [`Factorization::entry`]).
+    pub fn betas(&self) -> Vec<f64> {
+        (0..self.steps()).map(|j| self.entry(j + 1, j)).collect()
+    }
+
+    /// `β_m`, or `h_{m+1,m}`; 0 before the first step and after a breakdown.
+    pub fn residual_norm(&self) -> f64 {
+        self.betas().last().copied().unwrap_or(0.0)
+    }
+
+    /// Entry `(i, j)` of `H`, counted from 0: `v_iᵀ A v_j`, `j < m`, `i < m + p`.
+    pub fn entry(&self, i: usize, j: usize) -> f64 {
+        self.columns.get(j).and_then(|column| column.get(self.known + i)).copied().unwrap_or(0.0)
+    }
+
+    /// Entry `(i, j)` of `T`, the symmetric part of the upper `m × m` of `H`. It is the mean of `H_ij` and `H_ji`, which are two
+    /// measurements of one number. If the operator states the errors `e` of its products, the mean is weighted by `1/e²`, so that a noisy
+    /// late product does not spoil the result of a good early one.
+    fn symmetric(&self, i: usize, j: usize) -> f64 {
+        let square = |k: usize| self.errors.get(k).map_or(0.0, |error| error * error);
+        let (of_i, of_j) = (square(i), square(j));
+        let (upper, lower) = (self.entry(i, j), self.entry(j, i));
+        // Column j of H comes from the product with v_j.
+        if of_i + of_j > 0.0 { (upper * of_i + lower * of_j) / (of_i + of_j) } else { 0.5 * (upper + lower) }
+    }
+
+    /// The dimension of the space.
+    pub fn n(&self) -> usize {
+        self.basis.rows()
+    }
+
+    /// The dimension `m` of the subspace: the number of steps minus the number of vectors that restarts discarded.
+    pub fn steps(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// The number of products, one per step.
+    pub fn products(&self) -> usize {
+        self.products
+    }
+
+    /// The number `p` of vectors that wait for their product.
+    pub fn pending(&self) -> usize {
+        self.basis.len() - self.known - self.steps()
+    }
+
+    /// `V`: `m` orthonormal vectors of length `n`.
+    pub fn basis(&self) -> &[Vec<f64>] {
+        &self.basis.columns()[self.known..self.known + self.steps()]
+    }
+
+    /// `v_{m+1} … v_{m+p}`: orthonormal vectors of length `n`, multiplied in the next steps. The last may have parts along the others of up
+    /// to 1e-12, usually far smaller; the next step removes them.
+    pub fn waiting(&self) -> &[Vec<f64>] {
+        &self.basis.columns()[self.known + self.steps()..]
+    }
+
+    /// `Q`: the known vectors, made orthonormal.
+    pub fn known(&self) -> &[Vec<f64>] {
+        &self.basis.columns()[..self.known]
+    }
+
+    /// The largest `‖A v_j‖` so far, a lower bound of `‖A‖₂`.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// The standard error of `A V s` due to the noise of the products, `√Σ (s_j ‖e_j‖)²` for independent errors `e_j` of the products
+    /// `A v_j`. `imaginary` is the imaginary part of `s`, or empty. The result is 0 if the operator does not state its errors.
+    fn noise(&self, s: &[f64], imaginary: &[f64]) -> f64 {
+        let imaginary = imaginary.iter().chain(std::iter::repeat(&0.0));
+        let squares = self.errors.iter().zip(s.iter().zip(imaginary));
+        squares.map(|(error, (re, im))| error * error * (re * re + im * im)).sum::<f64>().sqrt()
+    }
+
+    /// The largest standard error that the operator stated for a product; 0 if it states none.
+    pub(in crate::krylov) fn largest_error(&self) -> f64 {
+        self.errors.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Returns true if random vectors have continued the process after its subspace became invariant.
+    pub(in crate::krylov) fn broke_down(&self) -> bool {
+        self.draws > 0
+    }
+
+    /// The asymmetry of the products: `‖H − Hᵀ‖_F / ‖H‖_F` for `H = VᵀAV`. It is about 1e-16 for a symmetric operator, and with noise the
+    /// relative noise of the products. Takes no product.
+    pub fn asymmetry(&self) -> f64 {
+        let mut difference = 0.0;
+        let mut total = 0.0;
+        for j in 0..self.steps() {
+            total += self.entry(j, j).powi(2);
+            for i in 0..j {
+                let (upper, lower) = (self.entry(i, j), self.entry(j, i));
+                total += upper * upper + lower * lower;
+                difference += 2.0 * (upper - lower).powi(2);
+            }
+        }
+        if total > 0.0 { (difference / total).sqrt() } else { 0.0 }
+    }
+
+    /// Allocates memory for a subspace of `steps` dimensions, so that no step up to this size allocates a long vector.
+    pub fn reserve(&mut self, steps: usize) {
+        self.basis.reserve(self.known + steps.min(self.n()) + self.block);
+    }
+
+    /// `V s`, for `s` of length `m`.
+    fn combine(&self, s: &[f64]) -> Vec<f64> {
+        let mut vector = vec![0.0; self.n()];
+        // The coefficients of the waiting vectors are zero.
+        let mut padded = s.to_vec();
+        padded.resize(self.basis.len() - self.known, 0.0);
+        self.basis.accumulate(self.known, &padded, 1.0, &mut vector);
+        vector
+    }
+
+    /// Appends a random vector orthogonal to all others; returns false if there is none.
+    fn append_random(&mut self) -> bool {
+        let n = self.n();
+        // In a space of few dimensions a random vector may lie almost in the span, so several are tried.
+        for _ in 0..8 {
+            if self.basis.len() >= n {
+                return false;
+            }
+            self.draws += 1;
+            let vector = seeded(n, self.draws);
+            if matches!(append(&mut self.basis, &vector), Ok(true)) {
+                return true;
+            }
+        }
+        false
+    }
+}
+
+/// Appends the part of `vector` that is orthogonal to `basis`, normalized. Returns false if that part is only rounding error.
+fn append(basis: &mut Basis, vector: &[f64]) -> Result<bool> {
+    let length = norm(vector);
+    if !length.is_finite() {
+        return Err(Error::Numerical("a start or known vector holds a NaN or an infinity".into()));
+    }
+    if length == 0.0 {
+        return Ok(false);
+    }
+    let mut w: Vec<f64> = vector.iter().map(|value| value / length).collect();
+    let left = orthogonalize(basis, &mut w).norm;
+    if !exceeds_rounding(left, 1.0, w.len()) {
+        return Ok(false);
+    }
+    basis.push_scaled(&w, left);
+    Ok(true)
 }
 
 /// Makes the entry of largest magnitude positive. Returns true if the signs changed.
@@ -168,7 +519,7 @@ mod tests {
     use rand_pcg::Pcg64;
 
     use super::*;
-    use crate::krylov::{BlockLanczos, Factorization, Which, dot, norm};
+    use crate::krylov::{Which, dot, norm};
     use crate::operator::Symmetry;
 
     /// `Σ λ_k u_k u_kᵀ` with three slow waves; each product has noise of norm about 0.5.
@@ -220,7 +571,7 @@ mod tests {
     /// The part of the slow waves in the span of two Ritz vectors after twelve products.
     fn found(filter: Option<Filter>) -> Result<f64> {
         let start: Vec<f64> = (0..N).map(|i| 1.0 + i as f64 / N as f64 + wave(1)[i] + wave(2)[i]).collect();
-        let mut process = BlockLanczos::new(&[start], &[])?;
+        let mut process = Factorization::block_lanczos(&[start], &[])?;
         if let Some(filter) = filter {
             process = process.filtered(filter);
         }

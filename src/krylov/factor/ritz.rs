@@ -3,7 +3,7 @@
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side, c64};
 
-use super::Expansion;
+use super::Factorization;
 use crate::error::{Error, Result};
 use crate::krylov::basis::norm;
 
@@ -84,7 +84,7 @@ impl PairStatus {
 }
 
 /// A Ritz pair `(θ, y = V s)`: the Rayleigh–Ritz approximation of an eigenpair from the subspace.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct RitzPair {
     /// `θ` (its real part), approximating an eigenvalue.
     pub value: f64,
@@ -215,146 +215,133 @@ fn evenly(norm: f64, n: usize) -> f64 {
     norm / (n.max(1) as f64).sqrt()
 }
 
-/// Computes the wanted Ritz pairs of the symmetric part `T` of `H = Vᵀ A V` ([`Expansion::symmetric`]). The other part comes from noise and
-/// from asymmetries of a rig, and counts in the residuals. Both triangles measure the same numbers, and their mean has less noise than
-/// either.
-pub(super) fn ritz_of_symmetric(state: &Expansion, which: Which, count: usize) -> Result<Vec<RitzPair>> {
-    let mut pairs = all_of_symmetric(state, which)?;
-    let residuals: Vec<(f64, f64)> = pairs.iter().map(|pair| (pair.value, pair.residual)).collect();
-    pairs.truncate(count);
-    for (index, pair) in pairs.iter_mut().enumerate() {
-        let others = residuals.iter().enumerate().filter(|(other, _)| *other != index);
-        pair.gap = others.fold(f64::INFINITY, |gap, (_, (value, residual))| {
-            gap.min((value - pair.value).abs() - residual)
-        });
-    }
-    Ok(pairs)
-}
-
-/// Restarts the process from the `keep` most wanted pairs (thick restart).
-pub(super) fn shrink_symmetric(state: &mut Expansion, which: Which, keep: usize) -> Result<()> {
-    if keep >= state.steps() {
-        return Ok(());
-    }
-    let pairs = all_of_symmetric(state, which)?;
-    let kept: Vec<(f64, &[f64])> =
-        pairs.iter().take(keep).map(|pair| (pair.value, pair.coefficients.as_slice())).collect();
-    state.restart(&kept);
-    Ok(())
-}
-
-fn all_of_symmetric(state: &Expansion, which: Which) -> Result<Vec<RitzPair>> {
-    let m = state.steps();
-    if which == Which::LargestImaginary {
-        return Err(Error::option(
-            "--which",
-            "the eigenvalues of a symmetric operator have no imaginary part",
-        )
-        .help("use the Arnoldi method, or ask for another end of the spectrum"));
-    }
-    if m == 0 {
-        return Ok(Vec::new());
-    }
-    let projected = Mat::from_fn(m, m, |i, j| state.symmetric(i, j));
-    let decomposition = projected.self_adjoint_eigen(Side::Lower).map_err(|_| {
-        Error::Numerical(format!("the dense eigensolver failed on a {m}x{m} symmetric matrix"))
-    })?;
-    let values: Vec<(f64, f64)> =
-        decomposition.S().column_vector().iter().map(|value| (*value, 0.0)).collect();
-    let (rounding, asymmetric) = (rounding(state), state.asymmetric_part());
-    Ok(which
-        .order(&values)
-        .into_iter()
-        .map(|k| {
-            let coefficients: Vec<f64> = decomposition.U().col(k).iter().copied().collect();
-            let outside = state.outside(&coefficients, &asymmetric);
-            let residual = norm(&outside.known).hypot(norm(&outside.waiting)).hypot(outside.asymmetric);
-            RitzPair {
-                value: values[k].0,
-                imaginary: 0.0,
-                residual,
-                gap: f64::INFINITY,
-                condition: 1.0,
-                rounding,
-                noise: state.noise(&coefficients, &[]),
-                unresolved: state.unresolved(&outside, &coefficients),
-                asymmetric: state.beyond_errors(outside.asymmetric, &coefficients),
-                coefficients,
-                imaginary_coefficients: Vec::new(),
-            }
-        })
-        .collect())
-}
-
-/// Bounds the rounding of products of `n` terms, of orthogonalization, and of the dense eigensolver on `m × m`.
-fn rounding(state: &Expansion) -> f64 {
-    let terms = 10.0 + (state.n() as f64).sqrt() + state.steps() as f64;
-    f64::EPSILON * state.scale() * terms
-}
-
-/// Computes the wanted eigenpairs of `H`. A complex pair counts as two, the one with positive imaginary part first; `count` may split the
-/// pair.
-pub(super) fn ritz_of_general(state: &Expansion, which: Which, count: usize) -> Result<Vec<RitzPair>> {
-    let m = state.steps();
-    if m == 0 || count == 0 {
-        return Ok(Vec::new());
-    }
-    let projected = Mat::from_fn(m, m, |i, j| state.entry(i, j));
-    let decomposition = projected.eigen().map_err(|_| {
-        Error::Numerical(format!("the dense eigensolver failed on a {m}x{m} Hessenberg matrix"))
-    })?;
-    let values: Vec<(f64, f64)> =
-        decomposition.S().column_vector().iter().map(|value| (value.re, value.im)).collect();
-    let right = decomposition.U();
-    let left = right.to_owned().partial_piv_lu().inverse();
-    let rounding = rounding(state);
-    Ok(which
-        .order(&values)
-        .into_iter()
-        .take(count)
-        .map(|k| {
-            let (value, imaginary) = values[k];
-            let column: Vec<c64> = right.col(k).iter().copied().collect();
-            let length = length_of(&column);
-            let condition = length * length_of(&(0..m).map(|j| left[(k, j)]).collect::<Vec<c64>>());
-            // At this phase, the entry of largest magnitude is real and positive.
-            let largest =
-                column.iter().fold(c64::new(0.0, 0.0), |a, &b| if size(b) > size(a) { b } else { a });
-            let unit = c64::new(largest.re / size(largest), -largest.im / size(largest));
-            let turned = column.iter().map(|&entry| {
-                let turned = entry * unit;
-                (turned.re / length, turned.im / length)
+impl Factorization {
+    /// Computes the wanted Ritz pairs of the symmetric part `T` of `H = Vᵀ A V` ([`Factorization::symmetric`]). The other part comes from noise and
+    /// from asymmetries of a rig, and counts in the residuals. Both triangles measure the same numbers, and their mean has less noise than
+    /// either.
+    pub(super) fn ritz_of_symmetric(&self, which: Which, count: usize) -> Result<Vec<RitzPair>> {
+        let mut pairs = self.all_of_symmetric(which)?;
+        let residuals: Vec<(f64, f64)> = pairs.iter().map(|pair| (pair.value, pair.residual)).collect();
+        pairs.truncate(count);
+        for (index, pair) in pairs.iter_mut().enumerate() {
+            let others = residuals.iter().enumerate().filter(|(other, _)| *other != index);
+            pair.gap = others.fold(f64::INFINITY, |gap, (_, (value, residual))| {
+                gap.min((value - pair.value).abs() - residual)
             });
-            let (coefficients, mut imaginary_coefficients): (Vec<f64>, Vec<f64>) = turned.unzip();
-            if imaginary == 0.0 {
-                imaginary_coefficients.clear();
-            }
-            let residual = outside(state, &coefficients).hypot(if imaginary == 0.0 {
-                0.0
-            } else {
-                outside(state, &imaginary_coefficients)
-            });
-            RitzPair {
-                value,
-                imaginary,
-                residual,
-                gap: 0.0,
-                condition: if condition.is_finite() { condition.max(1.0) } else { f64::INFINITY },
-                rounding,
-                noise: state.noise(&coefficients, &imaginary_coefficients),
-                asymmetric: 0.0,
-                unresolved: 0.0,
-                coefficients,
-                imaginary_coefficients,
-            }
-        })
-        .collect())
-}
+        }
+        Ok(pairs)
+    }
 
-/// `‖A V s − V H s‖`.
-fn outside(state: &Expansion, s: &[f64]) -> f64 {
-    let [known, waiting] = state.beyond(s);
-    norm(&known).hypot(norm(&waiting))
+    pub(super) fn all_of_symmetric(&self, which: Which) -> Result<Vec<RitzPair>> {
+        let m = self.steps();
+        if which == Which::LargestImaginary {
+            return Err(Error::option(
+                "--which",
+                "the eigenvalues of a symmetric operator have no imaginary part",
+            )
+            .help("use the Arnoldi method, or ask for another end of the spectrum"));
+        }
+        if m == 0 {
+            return Ok(Vec::new());
+        }
+        let projected = Mat::from_fn(m, m, |i, j| self.symmetric(i, j));
+        let decomposition = projected.self_adjoint_eigen(Side::Lower).map_err(|_| {
+            Error::Numerical(format!("the dense eigensolver failed on a {m}x{m} symmetric matrix"))
+        })?;
+        let values: Vec<(f64, f64)> =
+            decomposition.S().column_vector().iter().map(|value| (*value, 0.0)).collect();
+        let (rounding, asymmetric) = (self.rounding(), self.asymmetric_part());
+        Ok(which
+            .order(&values)
+            .into_iter()
+            .map(|k| {
+                let coefficients: Vec<f64> = decomposition.U().col(k).iter().copied().collect();
+                let outside = self.outside(&coefficients, &asymmetric);
+                let residual = norm(&outside.known).hypot(norm(&outside.waiting)).hypot(outside.asymmetric);
+                RitzPair {
+                    value: values[k].0,
+                    residual,
+                    gap: f64::INFINITY,
+                    condition: 1.0,
+                    rounding,
+                    noise: self.noise(&coefficients, &[]),
+                    unresolved: self.unresolved(&outside, &coefficients),
+                    asymmetric: self.beyond_errors(outside.asymmetric, &coefficients),
+                    coefficients,
+                    ..RitzPair::default()
+                }
+            })
+            .collect())
+    }
+
+    /// Bounds the rounding of products of `n` terms, of orthogonalization, and of the dense eigensolver on `m × m`.
+    fn rounding(&self) -> f64 {
+        let terms = 10.0 + (self.n() as f64).sqrt() + self.steps() as f64;
+        f64::EPSILON * self.scale() * terms
+    }
+
+    /// Computes the wanted eigenpairs of `H`. A complex pair counts as two, the one with positive imaginary part first; `count` may split the
+    /// pair.
+    pub(super) fn ritz_of_general(&self, which: Which, count: usize) -> Result<Vec<RitzPair>> {
+        let m = self.steps();
+        if m == 0 || count == 0 {
+            return Ok(Vec::new());
+        }
+        let projected = Mat::from_fn(m, m, |i, j| self.entry(i, j));
+        let decomposition = projected.eigen().map_err(|_| {
+            Error::Numerical(format!("the dense eigensolver failed on a {m}x{m} Hessenberg matrix"))
+        })?;
+        let values: Vec<(f64, f64)> =
+            decomposition.S().column_vector().iter().map(|value| (value.re, value.im)).collect();
+        let right = decomposition.U();
+        let left = right.to_owned().partial_piv_lu().inverse();
+        let rounding = self.rounding();
+        Ok(which
+            .order(&values)
+            .into_iter()
+            .take(count)
+            .map(|k| {
+                let (value, imaginary) = values[k];
+                let column: Vec<c64> = right.col(k).iter().copied().collect();
+                let length = length_of(&column);
+                let condition = length * length_of(&(0..m).map(|j| left[(k, j)]).collect::<Vec<c64>>());
+                // At this phase, the entry of largest magnitude is real and positive.
+                let largest =
+                    column.iter().fold(c64::new(0.0, 0.0), |a, &b| if size(b) > size(a) { b } else { a });
+                let unit = c64::new(largest.re / size(largest), -largest.im / size(largest));
+                let turned = column.iter().map(|&entry| {
+                    let turned = entry * unit;
+                    (turned.re / length, turned.im / length)
+                });
+                let (coefficients, mut imaginary_coefficients): (Vec<f64>, Vec<f64>) = turned.unzip();
+                if imaginary == 0.0 {
+                    imaginary_coefficients.clear();
+                }
+                let residual = self.outside_of_general(&coefficients).hypot(if imaginary == 0.0 {
+                    0.0
+                } else {
+                    self.outside_of_general(&imaginary_coefficients)
+                });
+                RitzPair {
+                    value,
+                    imaginary,
+                    residual,
+                    condition: if condition.is_finite() { condition.max(1.0) } else { f64::INFINITY },
+                    rounding,
+                    noise: self.noise(&coefficients, &imaginary_coefficients),
+                    coefficients,
+                    imaginary_coefficients,
+                    ..RitzPair::default()
+                }
+            })
+            .collect())
+    }
+
+    /// `‖A V s − V H s‖`.
+    fn outside_of_general(&self, s: &[f64]) -> f64 {
+        let [known, waiting] = self.beyond(s);
+        norm(&known).hypot(norm(&waiting))
+    }
 }
 
 fn length_of(column: &[c64]) -> f64 {
@@ -363,4 +350,96 @@ fn length_of(column: &[c64]) -> f64 {
 
 fn size(entry: c64) -> f64 {
     entry.re.hypot(entry.im)
+}
+
+impl Factorization {
+    /// Thick restart: `V ← V S` for the eigenvectors `S` of the symmetric part of `H` that these pairs hold. The waiting vectors are kept.
+    /// `H` becomes `diag(values)` with the couplings to the waiting vectors below.
+    pub(super) fn restart(&mut self, kept: &[RitzPair]) {
+        self.settle();
+        let (m, pending) = (self.steps(), self.pending());
+        let asymmetric = self.asymmetric_part();
+        let parts: Vec<Outside> =
+            kept.iter().map(|pair| self.outside(&pair.coefficients, &asymmetric)).collect();
+        // Each part includes the loss of earlier restarts, which is counted only once.
+        let lost: Vec<f64> = parts.iter().map(|part| part.asymmetric - self.leak).collect();
+        self.leak += norm(&lost);
+        self.errors = kept.iter().map(|pair| self.noise(&pair.coefficients, &[])).collect();
+        let vectors: Vec<&[f64]> = kept.iter().map(|pair| &pair.coefficients[..]).collect();
+        self.basis.rotate(self.known, self.known + m, &vectors);
+        self.columns.clear();
+        for (index, (pair, part)) in kept.iter().zip(parts).enumerate() {
+            let mut column = part.known;
+            column.resize(self.known + kept.len(), 0.0);
+            column[self.known + index] = pair.value;
+            column.extend_from_slice(&part.waiting[..pending]);
+            self.columns.push(column);
+        }
+    }
+
+    /// `H − T`, column by column, for [`Factorization::outside`]. `T` is the symmetric part of the upper `m × m` of `H`.
+    fn asymmetric_part(&self) -> Vec<f64> {
+        let m = self.steps();
+        (0..m * m).map(|at| (at % m, at / m)).map(|(i, j)| self.entry(i, j) - self.symmetric(i, j)).collect()
+    }
+
+    /// The components of `A V s − V T s` for `s` of norm 1. `T` is the symmetric part of `H`, and `asymmetric` the other part
+    /// ([`Factorization::asymmetric_part`]).
+    fn outside(&self, s: &[f64], asymmetric: &[f64]) -> Outside {
+        let mut inside = vec![0.0; self.steps()];
+        for (apart, s) in asymmetric.chunks_exact(self.steps().max(1)).zip(s) {
+            inside.iter_mut().zip(apart).for_each(|(sum, apart)| *sum += apart * s);
+        }
+        let [known, waiting] = self.beyond(s);
+        Outside { known, waiting, asymmetric: norm(&inside) + self.leak }
+    }
+
+    /// The components of `A V s` along the known vectors, and along the waiting vectors.
+    fn beyond(&self, s: &[f64]) -> [Vec<f64>; 2] {
+        let mut known = vec![0.0; self.known];
+        let mut waiting = vec![0.0; self.pending()];
+        for (column, s) in self.columns.iter().zip(s) {
+            known.iter_mut().zip(column).for_each(|(sum, entry)| *sum += entry * s);
+            let below = column.iter().skip(self.known + self.steps());
+            waiting.iter_mut().zip(below).for_each(|(sum, entry)| *sum += entry * s);
+        }
+        [known, waiting]
+    }
+
+    /// The norm of the part outside the subspace, minus the noise of the products that it comes from. The waiting vectors come from the
+    /// last few products, so only the noise of these products counts.
+    fn unresolved(&self, outside: &Outside, s: &[f64]) -> f64 {
+        let inside = self.known + self.steps();
+        let tells = |column: &Vec<f64>| column.iter().skip(inside).any(|&entry| entry != 0.0);
+        let last = self.columns.iter().zip(&self.errors).zip(s).filter(|((column, _), _)| tells(column));
+        let noise: f64 = last.map(|((_, error), s)| (error * s).powi(2)).sum();
+        let square = norm(&outside.known).powi(2) + norm(&outside.waiting).powi(2);
+        (square - noise).max(0.0).sqrt()
+    }
+
+    /// The part of `‖(H − T) s‖` that independent errors of the products do not explain; 0 if no errors are stated.
+    ///
+    /// Errors of norm `e_i` and `e_j`, spread evenly over `n` entries, give the difference of `H_ij` and `H_ji` the variance
+    /// `(e_i² + e_j²)/n`. Each of the two differs from their mean by half of the difference.
+    fn beyond_errors(&self, asymmetric: f64, s: &[f64]) -> f64 {
+        let squares: Vec<f64> = self.errors.iter().map(|error| error * error).collect();
+        let all: f64 = squares.iter().sum();
+        if all == 0.0 {
+            return 0.0;
+        }
+        let (m, n) = (squares.len() as f64, self.n() as f64);
+        let of_column = |(square, s): (&f64, &f64)| s * s * (all + (m - 2.0) * square) / (4.0 * n);
+        let explained: f64 = squares.iter().zip(s).map(of_column).sum();
+        (asymmetric * asymmetric - explained).max(0.0).sqrt()
+    }
+}
+
+/// The components of `A V s − V T s`.
+struct Outside {
+    /// The components along `Q`: zero to rounding if the known vectors are eigenvectors of a symmetric `A`.
+    known: Vec<f64>,
+    /// The components along the waiting vectors.
+    waiting: Vec<f64>,
+    /// The norm of `V (H − T) s` plus a bound on the part that restarts discarded; zero to rounding if `A` is symmetric.
+    asymmetric: f64,
 }

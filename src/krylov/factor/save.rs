@@ -1,10 +1,10 @@
-//! Saved factorizations, in the format that [`super::Lanczos::save`] describes.
+//! Saved factorizations, in the format that [`Factorization::save`] describes.
 
 use std::collections::VecDeque;
 use std::io::{Read, Write};
 use std::path::PathBuf;
 
-use super::Expansion;
+use super::{Factorization, ProcessKind};
 use crate::error::{Error, Result};
 use crate::krylov::basis::Basis;
 
@@ -15,28 +15,47 @@ const EARLIER: u32 = 2;
 /// The number of floats written or read at once.
 const CHUNK: usize = 8192;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ProcessKind {
-    Lanczos = 1,
-    BlockLanczos = 2,
-    Arnoldi = 3,
-}
-
-pub(super) fn save(kind: ProcessKind, state: &Expansion, writer: impl Write) -> Result<()> {
-    let mut sink = Sink { writer, hasher: blake3::Hasher::new() };
-    sink.everything(kind, state).map_err(Error::writing(name()))
-}
-
-pub(super) fn load(kind: ProcessKind, reader: impl Read) -> Result<Expansion> {
-    let mut source = Source { reader, hasher: blake3::Hasher::new() };
-    let state = source.everything(kind)?;
-    let computed = *source.hasher.finalize().as_bytes();
-    let mut stored = [0; 32];
-    source.bytes(&mut stored)?;
-    if computed != stored {
-        return Err(damaged("the checksum does not fit"));
+impl Factorization {
+    /// Saves the state. The process that [`Factorization::load`] returns continues with bitwise equal results.
+    ///
+    /// All processes use the same format. Numbers are little endian, floats IEEE 754 binary64:
+    ///
+    /// | bytes | what |
+    /// |---|---|
+    /// | 8 | `KRYLUXFZ` |
+    /// | u32 | version, 3 |
+    /// | u32 | kind: 1 Lanczos, 2 block Lanczos, 3 Arnoldi |
+    /// | u64 × 7 | `n`, known vectors `k`, block size, columns `k + m + p`, steps `m`, products, random vectors drawn |
+    /// | f64 × 2 | the largest `‖A v_j‖`; a bound on what restarts discarded |
+    /// | `m` times | u64 count, as many f64: the coefficients of `A v_j` on `Q, v_1, …`; f64: its standard error |
+    /// | u64 count, as many f64 | the parts that the last column still has along those before it (not in version 2) |
+    /// | `(k + m + p) n` f64 | `Q`, then `v_1 … v_{m+p}`, one after the other |
+    /// | 32 | BLAKE3 of everything before |
+    ///
+    /// A file is accepted only if its checksum is right. A damaged length causes no large allocation.
+    ///
+    /// # Errors
+    /// [`Error::Write`] if the writer fails.
+    pub fn save(&self, writer: impl Write) -> Result<()> {
+        let mut sink = Sink { writer, hasher: blake3::Hasher::new() };
+        sink.everything(self).map_err(Error::writing(name()))
     }
-    Ok(state)
+
+    /// Loads the state of a process of this kind that [`Factorization::save`] saved.
+    ///
+    /// # Errors
+    /// [`Error::Data`] if the state is damaged, of another version, or of another process.
+    pub fn load(kind: ProcessKind, reader: impl Read) -> Result<Self> {
+        let mut source = Source { reader, hasher: blake3::Hasher::new() };
+        let state = source.everything(kind)?;
+        let computed = *source.hasher.finalize().as_bytes();
+        let mut stored = [0; 32];
+        source.bytes(&mut stored)?;
+        if computed != stored {
+            return Err(damaged("the checksum does not fit"));
+        }
+        Ok(state)
+    }
 }
 
 struct Sink<W> {
@@ -45,10 +64,10 @@ struct Sink<W> {
 }
 
 impl<W: Write> Sink<W> {
-    fn everything(&mut self, kind: ProcessKind, state: &Expansion) -> std::io::Result<()> {
+    fn everything(&mut self, state: &Factorization) -> std::io::Result<()> {
         self.bytes(MAGIC)?;
         self.bytes(&VERSION.to_le_bytes())?;
-        self.bytes(&(kind as u32).to_le_bytes())?;
+        self.bytes(&(state.kind as u32).to_le_bytes())?;
         for count in [state.n(), state.known, state.block, state.basis.len(), state.steps(), state.products] {
             self.bytes(&(count as u64).to_le_bytes())?;
         }
@@ -91,7 +110,7 @@ struct Source<R> {
 }
 
 impl<R: Read> Source<R> {
-    fn everything(&mut self, kind: ProcessKind) -> Result<Expansion> {
+    fn everything(&mut self, kind: ProcessKind) -> Result<Factorization> {
         let mut magic = [0; 8];
         self.bytes(&mut magic)?;
         if &magic != MAGIC {
@@ -131,8 +150,8 @@ impl<R: Read> Source<R> {
         for _ in 0..total {
             basis.push_scaled(&self.floats(n)?, 1.0);
         }
-        let (work, ready) = (vec![0.0; n], VecDeque::new());
-        Ok(Expansion {
+        Ok(Factorization {
+            kind,
             basis,
             known,
             block,
@@ -142,9 +161,9 @@ impl<R: Read> Source<R> {
             products,
             scale,
             draws,
-            work,
+            work: vec![0.0; n],
             late,
-            ready,
+            ready: VecDeque::new(),
             filter: None,
         })
     }

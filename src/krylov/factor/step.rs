@@ -1,8 +1,8 @@
 //! A step of a factorization: one product, and the part of it that is new.
 
-use super::Expansion;
+use super::Factorization;
 use crate::error::{Error, Result};
-use crate::krylov::basis::{ENOUGH_LEFT, PASSES, dot, norm, orthogonalize};
+use crate::krylov::basis::{ENOUGH_LEFT, PASSES, dot, exceeds_rounding, norm, orthogonalize};
 use crate::krylov::sweeps::Settling;
 use crate::operator::{Operator, block, block_mut};
 
@@ -20,14 +20,13 @@ pub enum Step {
     Exhausted,
 }
 
-impl Expansion {
+impl Factorization {
     /// Multiplies up to `most` of the waiting vectors as one block of the operator's size. The next steps use these products.
-    pub(super) fn multiply_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
+    pub(super) fn take_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
         let count = operator.block_size().min(most).min(self.pending());
         if count < 2 || !self.ready.is_empty() {
             return Ok(());
         }
-        self.fits(operator)?;
         let mut products = vec![vec![0.0; self.n()]; count];
         // The last vector, as it will be at the time of its step.
         let late = count == self.pending() && !self.late.is_empty();
@@ -47,7 +46,6 @@ impl Expansion {
     /// unknown).
     pub(super) fn step(&mut self, operator: &mut dyn Operator, recent: usize) -> Result<Step> {
         let n = self.n();
-        self.fits(operator)?;
         let waiting = &self.basis.columns()[self.known + self.steps()..];
         let Some(next) = waiting.first() else { return Ok(Step::Exhausted) };
         let error = match self.ready.pop_front() {
@@ -75,10 +73,8 @@ impl Expansion {
         self.products += 1;
         self.scale = self.scale.max(length);
         let mut removed = self.orthogonalize_product(&along);
-        // The remainder of A v is at most the rounding errors of a product of n terms.
-        let nothing_new = removed.norm <= self.scale * f64::EPSILON * (10.0 + (n as f64).sqrt());
-        if !nothing_new && self.basis.len() < n {
-            let (error, along) = match self.filtered(error, removed.norm) {
+        if exceeds_rounding(removed.norm, self.scale, n) && self.basis.len() < n {
+            let (error, along) = match self.denoised(error, removed.norm) {
                 Some((direction, along)) => {
                     self.basis.push_scaled(&direction, 1.0);
                     // The part that the filter removes counts as noise of the product.
@@ -109,14 +105,14 @@ impl Expansion {
 
     /// Filters the remainder of a product. Returns the direction, orthogonal to the basis and of length 1, and the product's part along it;
     /// `None` if the remainder is used without change.
-    fn filtered(&self, error: f64, rest: f64) -> Option<(Vec<f64>, f64)> {
+    fn denoised(&self, error: f64, rest: f64) -> Option<(Vec<f64>, f64)> {
         let mut direction = self.filter.as_ref()?.apply(&self.work, (error / rest).min(1.0))?;
         if direction.len() != self.n() || !direction.iter().all(|value| value.is_finite()) {
             return None;
         }
         let before = norm(&direction);
         let left = orthogonalize(&self.basis, &mut direction).norm;
-        if left <= before * f64::EPSILON * (10.0 + (self.n() as f64).sqrt()) {
+        if !exceeds_rounding(left, before, self.n()) {
             return None;
         }
         direction.iter_mut().for_each(|value| *value /= left);
@@ -138,7 +134,7 @@ struct Rest {
     late: Vec<f64>,
 }
 
-impl Expansion {
+impl Factorization {
     /// Orthogonalizes the product in `work` against the basis, and reads the basis once. `along` holds the product's inner products with
     /// the last columns, which contain, up to rounding, its whole part in the span. It is empty if this is unknown.
     ///
@@ -225,7 +221,6 @@ impl Expansion {
 mod tests {
     use super::*;
     use crate::krylov::Start;
-    use crate::krylov::factor::{Factorization, Lanczos};
     use crate::operator::{Closure, Symmetry};
 
     #[test]
@@ -239,13 +234,13 @@ mod tests {
                 Ok(())
             };
             let mut operator = Closure::new(n, n, Symmetry::Symmetric, diagonal);
-            let mut lanczos = Lanczos::new(&Start::default().vector(n), &[])?;
+            let mut lanczos = Factorization::lanczos(&Start::default().vector(n), &[])?;
             let mut largest = 0.0_f64;
             for step in 1..=60 {
                 lanczos.expand(&mut operator)?;
                 // The first two steps remove all parts in advance.
                 if step > 2 {
-                    largest = largest.max(norm(&lanczos.expansion().late));
+                    largest = largest.max(norm(&lanczos.late));
                 }
             }
             if noise == 0.0 {

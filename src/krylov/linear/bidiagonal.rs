@@ -1,20 +1,18 @@
 //! LSQR and LSMR: least squares by Golub–Kahan bidiagonalization, one product per step.
 
-use super::minres::LEAST_SQUARES;
+use super::symmetric::LEAST_SQUARES;
 use super::system::{System, rotation};
-use super::{Advance, SolveOptions, Solver};
+use super::{Advance, Recurrence, SolveOptions, Solver, ended};
 use crate::error::Result;
 use crate::krylov::basis::{axpy, norm, update};
 use crate::krylov::completeness::Status;
 use crate::operator::Adjoint;
 
 /// `C V = U B`, `Cᵀ U = V Bᵀ + α v eᵀ` for `C = A M⁻¹`, with `B` lower bidiagonal: `α_k` on its diagonal,
-/// `β_{k+1}` below. The process starts from the residual of its system.
+/// `β_{k+1}` below. The process starts from the residual of the system.
 ///
 /// References: Golub and Kahan (1965), doi:10.1137/0702016.
-#[derive(Clone)]
 struct Bidiagonal {
-    system: System,
     u: Vec<f64>,
     v: Vec<f64>,
     /// `M⁻¹ v`; empty without a preconditioner.
@@ -36,7 +34,7 @@ enum Next {
 
 /// The product that a step took.
 #[derive(Clone, Copy, PartialEq)]
-pub(super) enum Half {
+enum Half {
     /// `A x_0`, for the residual of the first iterate.
     Residual,
     /// The first `Cᵀ u`, which gives `α_1`.
@@ -48,57 +46,48 @@ pub(super) enum Half {
 }
 
 impl Bidiagonal {
-    /// Starts the process for `b` of length `rows` and `x` of length `cols`. A preconditioner must be
-    /// symmetric, because it is also applied with `Aᵀ`.
-    fn new(method: &str, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
-        let system = System::split(method, true, cols, b, options)?;
-        Ok(Self {
-            u: vec![0.0; b.len()],
+    fn new(cols: usize, rows: usize, options: &SolveOptions) -> Self {
+        Self {
+            u: vec![0.0; rows],
             v: vec![0.0; cols],
-            hat: system.preconditioner.as_ref().map_or_else(Vec::new, |_| vec![0.0; cols]),
-            system,
+            hat: vec![0.0; if options.preconditioner.is_some() { cols } else { 0 }],
             alpha: 0.0,
             beta: 0.0,
             scale: 0.0,
             next: Next::Start,
             work: vec![0.0; cols],
-        })
+        }
     }
 
     /// `M⁻¹ v`, of length `cols`: the direction in which the iterate moves.
     fn direction(&self) -> &[f64] {
-        if self.system.preconditioner.is_some() { &self.hat } else { &self.v }
+        if self.hat.is_empty() { &self.v } else { &self.hat }
     }
 
     /// Takes one product. A vector that vanishes (to rounding) becomes zero, with its `α` or `β`.
-    fn advance(&mut self, operator: &mut dyn Adjoint) -> Result<Half> {
-        self.system.fits(operator)?;
-        if self.system.pending {
-            self.system.first_residual(operator)?;
+    fn advance(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Half> {
+        if system.open(operator)? {
             return Ok(Half::Residual);
         }
         if self.next == Next::Start {
-            let length = norm(&self.system.r);
+            let length = norm(&system.r);
             self.beta = length;
             if length > 0.0 {
-                update(&mut self.u, &self.system.r, |_, r| r / length);
+                update(&mut self.u, &system.r, |_, r| r / length);
             }
             self.next = Next::Adjoint;
         }
         if self.next == Next::Forward {
-            let is_hatted = self.system.preconditioner.is_some();
-            let System { tally, work, .. } = &mut self.system;
-            let direction = if is_hatted { &self.hat } else { &self.v };
-            tally.product(operator, direction, work)?;
+            system.tally.product(operator, self.direction(), &mut system.work)?;
             let alpha = self.alpha;
-            update(&mut self.u, work, |u, av| av - alpha * u);
+            update(&mut self.u, &system.work, |u, av| av - alpha * u);
             self.beta = normalize(&mut self.u, alpha, &mut self.scale);
             self.next = Next::Adjoint;
             return Ok(Half::Forward);
         }
-        self.system.tally.adjoint(operator, &self.u, &mut self.work)?;
-        if self.system.preconditioner.is_some() {
-            self.system.precondition(&self.work, &mut self.hat)?;
+        system.tally.adjoint(operator, &self.u, &mut self.work)?;
+        if !self.hat.is_empty() {
+            system.inverse.apply(&self.work, &mut self.hat)?;
             self.work.copy_from_slice(&self.hat);
         }
         let half = if self.alpha == 0.0 { Half::First } else { Half::Adjoint };
@@ -106,8 +95,8 @@ impl Bidiagonal {
         let beta = if half == Half::First { 0.0 } else { self.beta };
         update(&mut self.v, &self.work, |v, atu| atu - beta * v);
         self.alpha = normalize(&mut self.v, beta, &mut self.scale);
-        if self.system.preconditioner.is_some() {
-            self.system.precondition(&self.v, &mut self.hat)?;
+        if !self.hat.is_empty() {
+            system.inverse.apply(&self.v, &mut self.hat)?;
         }
         self.next = Next::Forward;
         Ok(half)
@@ -140,7 +129,6 @@ fn normalize(w: &mut [f64], other: f64, scale: &mut f64) -> f64 {
 /// preconditioner also `M⁻¹ v`.
 ///
 /// References: Paige and Saunders (1982), doi:10.1145/355984.355989.
-#[derive(Clone)]
 pub struct Lsqr {
     process: Bidiagonal,
     w: Vec<f64>,
@@ -156,30 +144,31 @@ impl Lsqr {
     /// Makes the state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0`
     /// and `preconditioner` of the options. Fails with the errors of
     /// [`Cg::new`](crate::krylov::linear::Cg::new).
-    pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
-        Ok(Self {
-            process: Bidiagonal::new("LSQR", cols, b, options)?,
+    pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
+        let system = System::split("LSQR", true, cols, b, options)?;
+        let recurrence = Self {
+            process: Bidiagonal::new(cols, b.len(), options),
             w: vec![0.0; cols],
             phi: 0.0,
             rho: 0.0,
             ratio: 0.0,
             cosine: 0.0,
-        })
+        };
+        Ok(Solver::new(system, recurrence))
     }
 }
 
-impl Solver for Lsqr {
-    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
-        let half = self.process.advance(operator)?;
+impl Recurrence for Lsqr {
+    fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
+        let half = self.process.advance(system, operator)?;
         let (alpha, beta) = (self.process.alpha, self.process.beta);
         match half {
             Half::Residual => return Ok(Advance::Continuing),
             Half::Forward => {
                 let (c, s, rho) = rotation(self.rho, beta);
                 if rho == 0.0 {
-                    return Ok(Advance::Ended(Status::LeastSquares));
+                    return ended(Status::LeastSquares);
                 }
-                let system = &mut self.process.system;
                 axpy(c * self.phi / rho, &self.w, &mut system.x);
                 self.phi *= s;
                 self.cosine = c;
@@ -187,8 +176,7 @@ impl Solver for Lsqr {
                 // r_k = s² r_{k−1} + (φ̄ c, with the rotation's sign) u_{k+1}
                 let along = -c * self.phi;
                 update(&mut system.r, &self.process.u, |r, u| s * s * r + along * u);
-                let residual = norm(&system.r);
-                system.note(residual);
+                system.note_residual();
                 let done = self.phi.abs() <= f64::EPSILON * system.tally.rhs_norm;
                 return Ok(if done { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing });
             }
@@ -200,7 +188,7 @@ impl Solver for Lsqr {
             Half::Adjoint => {
                 // ‖Cᵀ r‖ = φ̄ α c
                 if alpha * self.cosine.abs() <= LEAST_SQUARES * self.process.scale {
-                    return Ok(Advance::Ended(Status::LeastSquares));
+                    return ended(Status::LeastSquares);
                 }
                 let ratio = self.ratio * alpha;
                 update(&mut self.w, self.process.direction(), |w, v| v - ratio * w);
@@ -208,10 +196,6 @@ impl Solver for Lsqr {
             }
         }
         Ok(if alpha == 0.0 { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
-    }
-
-    fn system(&self) -> &System {
-        &self.process.system
     }
 }
 
@@ -227,7 +211,6 @@ impl Solver for Lsqr {
 /// of length `cols`; with a preconditioner also `M⁻¹ v`.
 ///
 /// References: Fong and Saunders (2011), doi:10.1137/10079687X; the variables have the same names.
-#[derive(Clone)]
 pub struct Lsmr {
     process: Bidiagonal,
     h: Vec<f64>,
@@ -274,9 +257,10 @@ impl Lsmr {
     /// Makes the state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0`
     /// and `preconditioner` of the options. Fails with the errors of
     /// [`Cg::new`](crate::krylov::linear::Cg::new).
-    pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
-        Ok(Self {
-            process: Bidiagonal::new("LSMR", cols, b, options)?,
+    pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
+        let system = System::split("LSMR", true, cols, b, options)?;
+        let recurrence = Self {
+            process: Bidiagonal::new(cols, b.len(), options),
             h: vec![0.0; cols],
             h_bar: vec![0.0; cols],
             alpha_bar: 0.0,
@@ -287,13 +271,14 @@ impl Lsmr {
             c_bar: 1.0,
             s_bar: 0.0,
             norm: ResidualNorm { beta_dd: 0.0, beta_d: 0.0, rho_d: 1.0, tau: 0.0, theta: 0.0 },
-        })
+        };
+        Ok(Solver::new(system, recurrence))
     }
 }
 
-impl Solver for Lsmr {
-    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
-        let half = self.process.advance(operator)?;
+impl Recurrence for Lsmr {
+    fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
+        let half = self.process.advance(system, operator)?;
         let (alpha, beta) = (self.process.alpha, self.process.beta);
         match half {
             Half::Residual | Half::Forward => return Ok(Advance::Continuing),
@@ -319,18 +304,14 @@ impl Solver for Lsmr {
         self.zeta_bar *= -s_bar;
         let back = theta_bar * rho / (rho_old * rho_bar_old);
         update(&mut self.h_bar, &self.h, |bar, h| h - back * bar);
-        axpy(zeta / (rho * rho_bar), &self.h_bar, &mut self.process.system.x);
+        axpy(zeta / (rho * rho_bar), &self.h_bar, &mut system.x);
         let ratio = theta_next / rho;
         update(&mut self.h, self.process.direction(), |h, v| v - ratio * h);
         (self.rho, self.rho_bar, self.zeta, self.c_bar, self.s_bar) = (rho, rho_bar, zeta, c_bar, s_bar);
         let residual = self.norm.advance((c, s), theta_bar, rho_bar, (zeta_old, zeta));
-        self.process.system.note(residual);
+        system.note(residual);
         // |ζ̄| = ‖Cᵀ r‖
         let done = self.zeta_bar.abs() <= LEAST_SQUARES * self.process.scale * residual || alpha == 0.0;
         Ok(if done { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
-    }
-
-    fn system(&self) -> &System {
-        &self.process.system
     }
 }

@@ -1,7 +1,7 @@
 //! The generalized minimal residual method, and its flexible form.
 
 use super::system::{System, rotation};
-use super::{Advance, Side, SolveOptions, Solver};
+use super::{Advance, Recurrence, Side, SolveOptions, Solver, ended};
 use crate::error::Result;
 use crate::krylov::basis::{Basis, axpy, norm, orthogonalize};
 use crate::krylov::completeness::Status;
@@ -20,11 +20,11 @@ use crate::operator::Adjoint;
 ///
 /// References: O'Toole and Kutulakos, section 6, use it for light transport compensation. Saad and Schultz (1986), doi:10.1137/0907058;
 /// flexible: Saad (1993), doi:10.1137/0914028.
-#[derive(Clone)]
 pub struct Gmres {
-    system: System,
     side: Side,
     flexible: bool,
+    /// True if `V y` must be preconditioned to become a correction of `x`.
+    is_hatted: bool,
     restart: usize,
     cycle: Cycle,
     hat: Vec<f64>,
@@ -43,55 +43,39 @@ const MEANINGLESS: f64 = 1e-9;
 impl Gmres {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner`, `side` and `restart` of the options.
     /// Fails with the errors of [`Cg::new`](crate::krylov::linear::Cg::new), but accepts any preconditioner.
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         Ok(Self::build(System::new(b.len(), b, options)?, options, false))
     }
 
     /// Makes FGMRES, with an `M` on the right that may change. Fails with the errors of [`Gmres::new`], and refuses a preconditioner on the
     /// left.
-    pub fn flexible(b: &[f64], options: &SolveOptions) -> Result<Self> {
+    pub fn flexible(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let system = System::split("FGMRES", false, b.len(), b, options)?;
         Ok(Self::build(system, options, options.preconditioner.is_some()))
     }
 
-    fn build(system: System, options: &SolveOptions, flexible: bool) -> Self {
+    fn build(system: System, options: &SolveOptions, flexible: bool) -> Solver {
         let n = system.b.len();
         let side = if options.preconditioner.is_some() { options.side } else { Side::Right };
         let restart = options.restart.unwrap_or(usize::MAX);
         let steps = options.products.min(restart).min(n);
         let kept = if flexible || side == Side::Left { steps } else { 0 };
-        Self {
-            system,
-            side,
-            flexible,
-            restart,
-            cycle: Cycle::new(n, steps, kept),
-            hat: vec![0.0; n],
-            scale: 0.0,
-            started: false,
-        }
+        let is_hatted = !flexible && side == Side::Right && options.preconditioner.is_some();
+        let (cycle, hat) = (Cycle::new(n, steps, kept), vec![0.0; n]);
+        let recurrence = Self { side, flexible, is_hatted, restart, cycle, hat, scale: 0.0, started: false };
+        Solver::new(system, recurrence)
     }
 
-    /// The current number of basis vectors and kept vectors, of length `n` each.
-    pub fn stored(&self) -> usize {
-        self.cycle.basis.len() + self.cycle.kept.len()
-    }
-
-    fn start(&mut self) -> Result<bool> {
+    fn start(&mut self, system: &System) -> Result<bool> {
         if self.side == Side::Left {
-            self.system.precondition(&self.system.r, &mut self.hat)?;
+            system.inverse.apply(&system.r, &mut self.hat)?;
         } else {
-            self.hat.copy_from_slice(&self.system.r);
+            self.hat.copy_from_slice(&system.r);
         }
         let length = norm(&self.hat);
         self.cycle.start(&self.hat, length);
         self.started = length > 0.0;
         Ok(self.started)
-    }
-
-    /// Returns true if `V y` must be preconditioned to become a correction of `x`.
-    fn is_hatted(&self) -> bool {
-        !self.flexible && self.side == Side::Right && self.system.preconditioner.is_some()
     }
 
     /// Overwrites `r`, the cycle's first residual, with the true residual of this cycle's iterate. Takes no product.
@@ -104,56 +88,46 @@ impl Gmres {
     }
 
     /// Ends the cycle: updates `x` and `r` without a product.
-    fn close(&mut self) -> Result<()> {
-        let mut sum = std::mem::take(&mut self.hat);
-        sum.fill(0.0);
-        self.cycle.combine(self.flexible, 1.0, &mut sum);
-        let hatted = self.is_hatted();
-        let mut made = Ok(());
-        if hatted {
-            let mut work = std::mem::take(&mut self.system.work);
-            made = self.system.precondition(&sum, &mut work);
-            self.system.work = work;
+    fn close(&mut self, system: &mut System) -> Result<()> {
+        self.hat.fill(0.0);
+        self.cycle.combine(self.flexible, 1.0, &mut self.hat);
+        if self.is_hatted {
+            system.inverse.apply(&self.hat, &mut system.work)?;
         }
-        if made.is_ok() {
-            axpy(1.0, if hatted { &self.system.work } else { &sum }, &mut self.system.x);
-            let mut r = std::mem::take(&mut self.system.r);
-            self.residual(&mut r);
-            self.system.r = r;
-            self.started = false;
-        }
-        self.hat = sum;
-        made
+        axpy(1.0, if self.is_hatted { &system.work } else { &self.hat }, &mut system.x);
+        self.residual(&mut system.r);
+        self.started = false;
+        Ok(())
     }
 }
 
-impl Solver for Gmres {
-    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
-        if self.system.open(operator, None)? {
+impl Recurrence for Gmres {
+    fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
+        if system.open(operator)? {
             return Ok(Advance::Continuing);
         }
         if self.started && self.cycle.len() >= self.restart {
-            self.close()?;
+            self.close(system)?;
         }
-        if !self.started && !self.start()? {
-            return Ok(Advance::Ended(Status::ReachedTolerance));
+        if !self.started && !self.start(system)? {
+            return ended(Status::ReachedTolerance);
         }
         let Some(v) = self.cycle.basis.columns().last() else {
-            return Ok(Advance::Ended(Status::SpaceExhausted));
+            return ended(Status::SpaceExhausted);
         };
         let right = self.side == Side::Right;
         if right {
-            self.system.precondition(v, &mut self.hat)?;
+            system.inverse.apply(v, &mut self.hat)?;
         } else {
             self.hat.copy_from_slice(v);
         }
-        self.system.tally.product(operator, &self.hat, &mut self.system.work)?;
+        system.tally.product(operator, &self.hat, &mut system.work)?;
         // The new direction overwrites the product. With the preconditioner on the left it overwrites the basis vector, because the product
         // is kept.
         let w = if right {
-            &mut self.system.work
+            &mut system.work
         } else {
-            self.system.precondition(&self.system.work, &mut self.hat)?;
+            system.inverse.apply(&system.work, &mut self.hat)?;
             &mut self.hat
         };
         let length = norm(w);
@@ -163,62 +137,54 @@ impl Solver for Gmres {
         let invariant = removed.norm <= tiny;
         let below = if invariant { 0.0 } else { removed.norm };
         let Some(left) = self.cycle.append(removed.coefficients, below, tiny) else {
-            return Ok(Advance::Ended(SINGULAR));
+            return ended(SINGULAR);
         };
         self.scale = self.scale.max(length);
         if norm(&self.cycle.coefficients()) * self.scale * f64::EPSILON
             > MEANINGLESS * self.cycle.first_residual()
         {
             self.cycle.undo();
-            return Ok(Advance::Ended(SINGULAR));
+            return ended(SINGULAR);
         }
         if self.flexible {
             self.cycle.kept.push_scaled(&self.hat, 1.0);
         } else if !right {
-            self.cycle.kept.push_scaled(&self.system.work, 1.0);
+            self.cycle.kept.push_scaled(&system.work, 1.0);
         }
         if !invariant {
-            self.cycle.basis.push_scaled(if right { &self.system.work } else { &self.hat }, removed.norm);
+            self.cycle.basis.push_scaled(if right { &system.work } else { &self.hat }, removed.norm);
         }
         let residual = if right {
             left
         } else {
             let mut r = std::mem::take(&mut self.hat);
-            r.copy_from_slice(&self.system.r);
+            r.copy_from_slice(&system.r);
             self.residual(&mut r);
             self.hat = r;
             norm(&self.hat)
         };
-        self.system.tally.residual = residual;
-        self.system.tally.best = residual;
+        system.tally.residual = residual;
+        system.tally.best = residual;
         Ok(if invariant { Advance::Ended(Status::SpaceExhausted) } else { Advance::Continuing })
     }
 
-    fn system(&self) -> &System {
-        &self.system
-    }
-
-    fn solution(&self) -> Vec<f64> {
-        let mut x = self.system.x.clone();
-        if !self.started {
-            return self.system.undivided(x);
-        }
-        if !self.is_hatted() {
+    fn iterate(&self, system: &System) -> Vec<f64> {
+        let mut x = system.x.clone();
+        if self.started && !self.is_hatted {
             self.cycle.combine(self.flexible, 1.0, &mut x);
-            return self.system.undivided(x);
+        } else if self.started {
+            let (mut sum, mut hat) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+            self.cycle.combine(self.flexible, 1.0, &mut sum);
+            // If the preconditioner fails, the result is the iterate of the last restart.
+            if system.inverse.apply(&sum, &mut hat).is_ok() {
+                axpy(1.0, &hat, &mut x);
+            }
         }
-        let (mut sum, mut hat) = (vec![0.0; x.len()], vec![0.0; x.len()]);
-        self.cycle.combine(self.flexible, 1.0, &mut sum);
-        // If the preconditioner fails, the result is the iterate of the last restart.
-        if self.system.precondition(&sum, &mut hat).is_ok() {
-            axpy(1.0, &hat, &mut x);
-        }
-        self.system.undivided(x)
+        x
     }
 }
 
 /// A cycle that starts from a residual `r_0`: an orthonormal `V`, and `H = Qᵀ R` by Givens rotations.
-#[derive(Clone)]
 struct Cycle {
     basis: Basis,
     /// `M⁻¹ v_j` if flexible, `A v_j` if preconditioned on the left, otherwise empty.

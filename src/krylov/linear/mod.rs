@@ -6,12 +6,10 @@
 
 mod biconjugate;
 mod bidiagonal;
-mod cg;
 mod gmres;
-mod minres;
+mod symmetric;
 mod system;
 
-use std::fmt;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -25,9 +23,8 @@ use crate::operator::{Adjoint, Operator, Symmetry, delegate};
 
 pub use biconjugate::{BiCgStab, Cgs};
 pub use bidiagonal::{Lsmr, Lsqr};
-pub use cg::Cg;
 pub use gmres::Gmres;
-pub use minres::Minres;
+pub use symmetric::{Cg, Minres};
 pub use system::Tally;
 pub(crate) use system::{System, square};
 
@@ -44,7 +41,7 @@ pub enum Side {
 
 /// The options of the solvers of `A x = b`. Each field lists the methods that read it; the others ignore it unless stated otherwise.
 /// Defaults: 50 products, `x_0 = 0`, no preconditioner, the box [0, 1].
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct SolveOptions {
     /// The most products, with `A` and `Aᵀ` together. Read by all methods. Default 50.
     pub products: usize,
@@ -97,25 +94,6 @@ impl Default for SolveOptions {
             diagonal: None,
             surrogate: None,
         }
-    }
-}
-
-impl fmt::Debug for SolveOptions {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("SolveOptions")
-            .field("products", &self.products)
-            .field("rtol", &self.rtol)
-            .field("atol", &self.atol)
-            .field("noise", &self.noise)
-            .field("x0", &self.x0.as_ref().map(Vec::len))
-            .field("preconditioner", &self.preconditioner.is_some())
-            .field("side", &self.side)
-            .field("restart", &self.restart)
-            .field("lower", &self.lower)
-            .field("upper", &self.upper)
-            .field("diagonal", &self.diagonal.as_ref().map(Vec::len))
-            .field("surrogate", &self.surrogate.is_some())
-            .finish()
     }
 }
 
@@ -187,16 +165,11 @@ pub struct Solution {
 /// # Errors
 /// The errors of [`Solver::step`]. The solver then holds everything up to the product that failed: its [`solution`](Solver::solution) is
 /// valid, and another call continues from there.
-pub fn solve_from<O: Adjoint + ?Sized>(
-    solver: &mut dyn Solver,
-    operator: &mut O,
+pub fn solve_from(
+    solver: &mut Solver,
+    operator: &mut dyn Adjoint,
     options: &SolveOptions,
 ) -> Result<Solution> {
-    let mut operator = operator;
-    drive(solver, &mut operator, options)
-}
-
-fn drive(solver: &mut dyn Solver, operator: &mut dyn Adjoint, options: &SolveOptions) -> Result<Solution> {
     options.check()?;
     let mut history = Vec::new();
     let status = loop {
@@ -288,7 +261,23 @@ impl Adjoint for ForwardOnly<'_> {
 }
 
 /// A method for `A x = b`, as a state that takes steps.
-pub trait Solver {
+pub struct Solver {
+    system: System,
+    recurrence: Box<dyn Recurrence>,
+    /// The name of a method that needs a symmetric operator.
+    symmetric: Option<&'static str>,
+}
+
+impl Solver {
+    pub(crate) fn new(system: System, recurrence: impl Recurrence + 'static) -> Self {
+        Self { system, recurrence: Box::new(recurrence), symmetric: None }
+    }
+
+    /// The same for a method of this name that refuses an operator that is not symmetric.
+    pub(crate) fn symmetric(self, method: &'static str) -> Self {
+        Self { symmetric: Some(method), ..self }
+    }
+
     /// Takes one step: at most one product with `A` or `Aᵀ` of `operator`. The operator must be the same in every step.
     ///
     /// # Errors
@@ -296,16 +285,41 @@ pub trait Solver {
     /// can be taken again with bitwise equal results. [`Error::Dimension`] if the operator does not fit. [`Error::Numerical`] if the method
     /// needs a symmetric operator and this one is not declared symmetric. The error of the preconditioner; in this case a product may be
     /// lost.
-    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance>;
-    /// The system, the iterate and its residual. Every method keeps them in the same form.
-    #[doc(hidden)]
-    fn system(&self) -> &System;
+    pub fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
+        self.system.fits(operator)?;
+        if let Some(method) = self.symmetric
+            && operator.symmetry() != Symmetry::Symmetric
+        {
+            return Err(Error::Numerical(format!(
+                "{method} needs a symmetric operator (a coaxial rig's), and this one is not declared symmetric; GMRES does not"
+            )));
+        }
+        self.recurrence.step(&mut self.system, operator)
+    }
+
     /// The products and residuals so far.
-    fn tally(&self) -> Tally {
-        self.system().tally()
+    pub fn tally(&self) -> Tally {
+        self.system.tally()
     }
+
     /// The best iterate so far, of length `cols`; its residual norm is [`Tally::best`]. Takes no product.
-    fn solution(&self) -> Vec<f64> {
-        self.system().best()
+    pub fn solution(&self) -> Vec<f64> {
+        self.system.undivided(self.recurrence.iterate(&self.system))
     }
+}
+
+/// The part of a [`Solver`] in which methods differ: what a step does with the system.
+pub(crate) trait Recurrence {
+    /// Takes one step: at most one product.
+    fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance>;
+
+    /// The best iterate so far, in the units of the system.
+    fn iterate(&self, system: &System) -> Vec<f64> {
+        system.best.clone()
+    }
+}
+
+/// Ends a method.
+pub(crate) fn ended(status: Status) -> Result<Advance> {
+    Ok(Advance::Ended(status))
 }

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use super::{Side, SolveOptions};
 use crate::error::{Error, Result};
-use crate::krylov::basis::{axpy, norm, update};
+use crate::krylov::basis::{norm, update, update2};
 use crate::krylov::powers::{exponent, finite_norm, power, scale, scaled};
 use crate::krylov::precondition::Preconditioner;
-use crate::operator::{Adjoint, Symmetry};
+use crate::operator::Adjoint;
 
 /// A solver's progress. Reading it takes no product.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,7 +108,6 @@ impl Tally {
 ///
 /// `A` and `b` are divided by two powers of two, so that their numbers are of ordinary size. With the exponents `a` and `b`, the iterate is
 /// then `x · 2^(a − b)`. Both are 0 for systems of ordinary size.
-#[derive(Clone)]
 pub struct System {
     pub(crate) b: Vec<f64>,
     pub(crate) x: Vec<f64>,
@@ -117,13 +116,33 @@ pub struct System {
     pub(crate) tally: Tally,
     /// True if the residual of `x0` has not been taken yet.
     pub(crate) pending: bool,
-    best: Vec<f64>,
+    pub(super) best: Vec<f64>,
     /// `b`, `r` and the norms of the tally are divided by 2 to this power.
     pub(crate) rhs_power: i32,
     /// True if the iterate is divided as well. A first iterate is not divided until the operator's power is known.
     is_divided: bool,
     pub(crate) work: Vec<f64>,
-    pub(crate) preconditioner: Option<Arc<dyn Preconditioner>>,
+    pub(crate) inverse: Inverse,
+}
+
+/// `M⁻¹`, or the identity.
+pub(crate) struct Inverse(Option<Arc<dyn Preconditioner>>);
+
+impl Inverse {
+    pub(crate) fn is_identity(&self) -> bool {
+        self.0.is_none()
+    }
+
+    /// `z ← M⁻¹ r`.
+    pub(crate) fn apply(&self, r: &[f64], z: &mut [f64]) -> Result<()> {
+        match &self.0 {
+            Some(m) => m.apply(r, z),
+            None => {
+                z.copy_from_slice(r);
+                Ok(())
+            }
+        }
+    }
 }
 
 impl System {
@@ -160,7 +179,7 @@ impl System {
             rhs_power,
             is_divided: !pending,
             pending,
-            preconditioner: options.preconditioner.clone(),
+            inverse: Inverse(options.preconditioner.clone()),
         })
     }
 
@@ -173,49 +192,17 @@ impl System {
         b: &[f64],
         options: &SolveOptions,
     ) -> Result<Self> {
-        let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault).help(help));
         match &options.preconditioner {
-            Some(m) if is_definite && !m.is_positive_definite() => refuse(
+            Some(m) if is_definite && !m.is_positive_definite() => Err(Error::option(
                 "--precondition",
                 format!("{method} needs a symmetric positive definite preconditioner"),
-                "use such a one, or gmres",
-            ),
-            Some(_) if options.side == Side::Left => refuse(
-                "side",
-                format!("{method} does not precondition from the left"),
-                "precondition from the right, or use gmres",
-            ),
-            _ => Self::new(cols, b, options),
-        }
-    }
-
-    /// Begins a step of a method for square systems. If `symmetric` names the method, the operator must be symmetric. Returns true if the
-    /// step took its product for the residual of the first iterate and is complete.
-    pub(crate) fn open(&mut self, operator: &mut dyn Adjoint, symmetric: Option<&str>) -> Result<bool> {
-        self.fits(operator)?;
-        square(self.b.len(), self.x.len())?;
-        if let Some(method) = symmetric
-            && operator.symmetry() != Symmetry::Symmetric
-        {
-            return Err(Error::Numerical(format!(
-                "{method} needs a symmetric operator (a coaxial rig's), and this one is not declared symmetric; GMRES does not"
-            )));
-        }
-        let pending = self.pending;
-        if pending {
-            self.first_residual(operator)?;
-        }
-        Ok(pending)
-    }
-
-    /// `z ← M⁻¹ r`, or a copy without a preconditioner.
-    pub(crate) fn precondition(&self, r: &[f64], z: &mut [f64]) -> Result<()> {
-        match &self.preconditioner {
-            Some(m) => m.apply(r, z),
-            None => {
-                z.copy_from_slice(r);
-                Ok(())
+            )
+            .help("use such a one, or gmres")),
+            Some(_) if options.side == Side::Left => {
+                Err(Error::option("side", format!("{method} does not precondition from the left"))
+                    .help("precondition from the right, or use gmres"))
             }
+            _ => Self::new(cols, b, options),
         }
     }
 
@@ -249,18 +236,37 @@ impl System {
         Error::check_size("the operator of a linear system", expected, found)
     }
 
-    /// Takes the residual of the first iterate: one product.
+    /// Takes the residual of the first iterate if it is not known yet: one product. Returns true if this call took it.
+    pub(crate) fn open(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
+        let pending = self.pending;
+        if pending {
+            self.first_residual(operator)?;
+        }
+        Ok(pending)
+    }
+
     pub(crate) fn first_residual(&mut self, operator: &mut dyn Adjoint) -> Result<()> {
         self.tally.product(operator, &self.x, &mut self.work)?;
         if !self.is_divided {
             let shift = self.divide()?;
             scale(&mut self.work, shift);
         }
-        self.r.copy_from_slice(&self.b);
-        axpy(-1.0, &self.work, &mut self.r);
-        self.pending = false;
-        self.note(norm(&self.r));
+        self.settle();
         Ok(())
+    }
+
+    /// `r ← b − A x` for the product `A x` in `work`, which gives the residual of the iterate.
+    pub(crate) fn settle(&mut self) {
+        update2(&mut self.r, &self.b, &self.work, |_, b, y| b - y);
+        self.pending = false;
+        self.note_residual();
+    }
+
+    /// Records the norm of `r`, and returns it.
+    pub(crate) fn note_residual(&mut self) -> f64 {
+        let residual = norm(&self.r);
+        self.note(residual);
+        residual
     }
 
     /// Records the residual norm of the current iterate, and keeps the iterate if it is the best. If two are equal to rounding, the later
@@ -271,11 +277,6 @@ impl System {
             self.tally.best = residual;
             update(&mut self.best, &self.x, |_, x| x);
         }
-    }
-
-    /// The best iterate, in the caller's units.
-    pub(crate) fn best(&self) -> Vec<f64> {
-        self.undivided(self.best.clone())
     }
 
     /// An iterate in the caller's units.

@@ -4,9 +4,10 @@ use faer::Mat;
 
 use super::SingularOptions;
 use crate::error::{Error, Result};
-use crate::krylov::basis::{Basis, norm, orthogonalize};
+use crate::krylov::basis::{Basis, exceeds_rounding, norm, orthogonalize};
 use crate::krylov::completeness::Status;
 use crate::krylov::factor::{PairStatus, point_upwards, temple_kato};
+use crate::krylov::powers::finite_product;
 use crate::krylov::start::{seed_of, seeded};
 use crate::operator::Adjoint;
 
@@ -110,7 +111,7 @@ impl GolubKahan {
             self.next = seeded(n, !seed);
             let before = norm(&self.next);
             let rest = orthogonalize(&self.right, &mut self.next).norm;
-            if is_left(rest, before, n) {
+            if exceeds_rounding(rest, before, n) {
                 self.length = rest;
                 return;
             }
@@ -145,9 +146,9 @@ impl GolubKahan {
         operator.apply(&self.right.columns()[self.right.len() - 1], &mut photo)?;
         self.forth_errors.push(operator.standard_error());
         self.products += 1;
-        self.scale = self.scale.max(finite(&photo)?);
+        self.scale = self.scale.max(finite_product(&photo)?);
         let mut removed = orthogonalize(&self.left, &mut photo);
-        let is_new = is_left(removed.norm, self.scale, photo.len());
+        let is_new = exceeds_rounding(removed.norm, self.scale, photo.len());
         if is_new {
             self.left.push_scaled(&photo, removed.norm);
             removed.coefficients.push(removed.norm);
@@ -160,9 +161,9 @@ impl GolubKahan {
         operator.apply_adjoint(&self.left.columns()[self.left.len() - 1], &mut self.next)?;
         self.back_errors.push(operator.standard_error());
         self.products += 1;
-        self.scale = self.scale.max(finite(&self.next)?);
+        self.scale = self.scale.max(finite_product(&self.next)?);
         let mut removed = orthogonalize(&self.right, &mut self.next);
-        let is_new = is_left(removed.norm, self.scale, self.next.len());
+        let is_new = exceeds_rounding(removed.norm, self.scale, self.next.len());
         if is_new {
             (self.length, self.beta) = (removed.norm, removed.norm);
             removed.coefficients.push(self.beta);
@@ -182,7 +183,7 @@ impl GolubKahan {
             let mut vector = seeded(rows, !seed);
             let before = norm(&vector);
             let rest = orthogonalize(&self.left, &mut vector).norm;
-            if is_left(rest, before, rows) {
+            if exceeds_rounding(rest, before, rows) {
                 self.left.push_scaled(&vector, rest);
             }
         }
@@ -300,19 +301,6 @@ impl GolubKahan {
         let norm = forth.norm_l2();
         if norm > 0.0 { (&forth - &back).norm_l2() / norm } else { 0.0 }
     }
-}
-
-fn finite(product: &[f64]) -> Result<f64> {
-    let length = norm(product);
-    if length.is_finite() {
-        return Ok(length);
-    }
-    Err(Error::Numerical("a product with the operator holds a NaN or an infinity".into()))
-}
-
-/// Returns true if the remainder of a product with a matrix of this norm exceeds the rounding errors of sums of `n` terms.
-fn is_left(rest: f64, scale: f64, n: usize) -> bool {
-    rest > scale * f64::EPSILON * (10.0 + (n as f64).sqrt())
 }
 
 #[cfg(test)]

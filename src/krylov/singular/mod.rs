@@ -6,16 +6,15 @@ use std::ops::ControlFlow;
 
 use golub_kahan::{GolubKahan, Triplet};
 
-use super::basis::norm;
 use super::completeness::{
-    Completeness, Confirm, Confirmed, FurtherSteps, MOST, Stats, Status, confirming, confirming_step,
+    Completeness, Confirm, Confirmable, FurtherSteps, Recorder, Stats, Status, confirm_by, confirming,
+    confirming_step, slack,
 };
 use super::eigen::HistoryRow;
 use super::factor::PairStatus;
 use super::powers::{Rescaled, multiply_singular, scaled};
 use super::start::{Start, seed_of};
 use crate::error::{Error, Result};
-use crate::observer::{Estimate, Step};
 use crate::operator::Adjoint;
 
 /// The options of [`singular`].
@@ -103,7 +102,7 @@ fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<
     options.check()?;
     let mut process = GolubKahan::new(operator.rows(), operator.cols(), options)?;
     let mut further = FurtherSteps::new(operator.cols());
-    let mut history = Vec::new();
+    let mut recorder = Recorder::new(options.products);
     let mut triplets = Vec::new();
     let status = loop {
         if process.is_exhausted() {
@@ -119,7 +118,8 @@ fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<
         }
         process.step(operator)?;
         triplets = process.triplets(options)?;
-        let flow = record(&*operator, &process, &triplets, (options.products, &mut history));
+        let pairs = triplets.iter().map(|triplet: &Triplet| (triplet.value, triplet.residual));
+        let flow = recorder.row(operator.observer(), process.products, pairs);
         if let Some(status) = further.end(process.good_enough(&triplets, options)) {
             break status;
         }
@@ -127,7 +127,7 @@ fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<
             break Status::Stopped;
         }
     };
-    let mut found = answer(&process, &triplets, options, history, status);
+    let mut found = answer(&process, &triplets, options, recorder.history, status);
     let left = options.products.saturating_sub(found.stats.products);
     let (is_free, _) = confirming(operator, |operator, is_free| {
         let how = Confirm::of(options.confirm, is_free, process.broke_down(), left);
@@ -185,25 +185,6 @@ fn answer(
     }
 }
 
-/// Reports a step to the operator's observer, and records it.
-fn record(
-    operator: &dyn Adjoint,
-    process: &GolubKahan,
-    triplets: &[Triplet],
-    (budget, history): (usize, &mut Vec<HistoryRow>),
-) -> ControlFlow<()> {
-    let values: Vec<f64> = triplets.iter().map(|triplet| triplet.value).collect();
-    let residuals: Vec<f64> = triplets.iter().map(|triplet| triplet.residual).collect();
-    let flow = operator.observer().step(&Step {
-        stage: "photos",
-        done: process.products as u64,
-        total: budget as u64,
-        estimate: Estimate::Eigenpairs { values: &values, residuals: &residuals },
-    });
-    history.push(HistoryRow { products: process.products, values, residuals });
-    flow
-}
-
 /// Confirms singular values, like [`confirm`](crate::krylov::confirm()) for eigenvalues, here `σ²` of `AᵀA`: none above `√(σ_k² + ε σ_1²)`
 /// is missed. Each step takes one product with `A` and one with `Aᵀ`. Fails with the errors of [`confirm`](crate::krylov::confirm()).
 pub fn confirm_singular(
@@ -213,79 +194,67 @@ pub fn confirm_singular(
     confirm: &Confirm,
 ) -> Result<()> {
     confirm.check()?;
-    let mut confirmation = Confirmation { operator, options, confirm, products: 0 };
-    let done = confirmation.run(found);
-    found.confirming += confirmation.products;
-    done
+    let ended = matches!(found.stats.status, Status::ReachedTolerance | Status::NoiseFloor);
+    let count = found.values.len();
+    if !ended || count != options.count || found.completeness.is_known() {
+        return Ok(());
+    }
+    let settled = found.statuses.iter().all(|&status| status == PairStatus::Converged);
+    if count == operator.rows().min(operator.cols()) && settled {
+        found.completeness = Completeness::Exact;
+        return Ok(());
+    }
+    let noise = if confirm.is_frozen { 0.0 } else { options.noise };
+    let mut search = Confirmation { operator, options, found, noise, most: confirm.products, products: 0 };
+    let done = confirm_by(&mut search, confirm, count);
+    let products = search.products;
+    found.confirming += products;
+    let (claim, is_open) = done?;
+    found.completeness = claim;
+    if is_open {
+        found.stats.status = Status::BudgetSpent;
+    }
+    Ok(())
 }
-
-/// A new triplet may use this many times the steps of a confirmation to converge.
-const PATIENCE: usize = 10;
 
 struct Confirmation<'a> {
     operator: &'a mut dyn Adjoint,
     options: &'a SingularOptions,
-    confirm: &'a Confirm,
+    found: &'a mut Singular,
+    /// The error of a product with a unit vector, if the operator does not state it.
+    noise: f64,
+    /// The most products, and the number so far.
+    most: usize,
     products: usize,
 }
 
 impl Confirmation<'_> {
-    fn run(&mut self, found: &mut Singular) -> Result<()> {
-        let ended = matches!(found.stats.status, Status::ReachedTolerance | Status::NoiseFloor);
-        let count = found.values.len();
-        if !ended || count != self.options.count || found.completeness.is_known() {
-            return Ok(());
-        }
-        let (rows, cols) = (self.operator.rows(), self.operator.cols());
-        let settled = found.statuses.iter().all(|&status| status == PairStatus::Converged);
-        if count == rows.min(cols) && settled {
-            found.completeness = Completeness::Exact;
-            return Ok(());
-        }
-        for round in 0..4 * count as u64 + 8 {
-            let free = cols - count;
-            let seed = seed_of(self.options.start.seed(), round + 1);
-            let mut process = GolubKahan::beside(rows, &found.right, seed);
-            let steps = self.confirm.steps(free).min(self.left() / 2);
-            let share = self.confirm.share_of(steps, free);
-            if steps < free && share > MOST {
-                break;
-            }
-            while process.steps() < steps && !process.is_exhausted() {
-                self.step(&mut process, steps)?;
-            }
-            let missed = self.settle(&mut process, found)?;
-            let is_open = missed.iter().any(|triplet| self.is_open(triplet, found));
-            self.insert(&process, &missed, found);
-            if is_open {
-                found.stats.status = Status::BudgetSpent;
-                break;
-            }
-            if process.is_exhausted() {
-                if process.largest_error() == 0.0 && self.noise() == 0.0 {
-                    found.completeness = Completeness::Exact;
-                }
-                break;
-            }
-            if missed.is_empty() {
-                let (largest, last) = (found.values[0], found.values[count - 1]);
-                let limit = last.hypot(share.sqrt() * largest) + self.slack(&process, found, 1.0);
-                let chance = self.confirm.chance * (round + 1) as f64;
-                found.completeness =
-                    Completeness::Confirmed(Confirmed { limits: [None, Some(limit)], share, chance });
-                break;
-            }
-        }
-        Ok(())
+    fn largest(&self) -> f64 {
+        self.found.values.first().copied().unwrap_or(0.0)
     }
 
-    /// The error of a product with a unit vector, if the operator does not state it.
-    fn noise(&self) -> f64 {
-        if self.confirm.is_frozen { 0.0 } else { self.options.noise }
+    fn slack(&self, process: &GolubKahan, operator: f64) -> f64 {
+        let size = (process.steps(), self.operator.cols());
+        let (scale, error) = ((self.options.tolerance, self.largest()), self.error(Some(process)));
+        slack(scale, size, &self.found.residuals, error, operator)
+    }
+}
+
+impl Confirmable for Confirmation<'_> {
+    type Process = GolubKahan;
+    type Pair = Triplet;
+
+    fn free(&self) -> usize {
+        self.operator.cols() - self.found.values.len()
     }
 
     fn left(&self) -> usize {
-        self.confirm.products.saturating_sub(self.products)
+        self.most.saturating_sub(self.products) / 2
+    }
+
+    fn begin(&self, round: u64, _: usize) -> Result<GolubKahan> {
+        let seed = seed_of(self.options.start.seed(), round + 1);
+        Ok(GolubKahan::beside(self.operator.rows(), &self.found.right, seed))
     }
 
     fn step(&mut self, process: &mut GolubKahan, total: usize) -> Result<()> {
@@ -296,55 +265,33 @@ impl Confirmation<'_> {
         confirming_step(self.operator.observer(), process.steps(), total)
     }
 
-    /// The tolerance within which a value of this process may exceed a converged one and still be the same. It is computed as for
-    /// eigenvalues, with the residuals of the values found and the noise of both kinds of products. `operator` is 1 for the matrix that the
-    /// process sees.
-    fn slack(&self, process: &GolubKahan, found: &Singular, operator: f64) -> f64 {
-        let largest = found.values.first().copied().unwrap_or(0.0);
-        let n = self.operator.cols() as f64;
-        let rounding = f64::EPSILON * largest * (10.0 + n.sqrt() + process.steps() as f64);
-        let noise = 2.0 * self.noise().max(process.largest_error());
-        self.options.tolerance * largest
-            + rounding
-            + norm(&found.residuals)
-            + noise * ((process.steps() as f64 / n).sqrt() + operator)
+    fn progress(process: &GolubKahan) -> (usize, bool) {
+        (process.steps(), process.is_exhausted())
     }
 
-    fn is_open(&self, triplet: &Triplet, found: &Singular) -> bool {
-        let largest = found.values.first().map_or(triplet.value, |largest| largest.max(triplet.value));
-        triplet.status(self.options.tolerance * largest) == PairStatus::NotResolved
+    fn error(&self, process: Option<&GolubKahan>) -> f64 {
+        self.noise.max(process.map_or(0.0, GolubKahan::largest_error))
     }
 
-    fn beyond(&self, process: &GolubKahan, found: &Singular) -> Result<Vec<Triplet>> {
-        let limit = found.values.last().map_or(0.0, |last| last + self.slack(process, found, 0.0));
+    fn beyond(&self, process: &GolubKahan) -> Result<Vec<Triplet>> {
+        let slack = self.slack(process, 0.0);
+        let limit = self.found.values.last().map_or(0.0, |last| last + slack);
         let mut triplets = process.triplets(self.options)?;
         triplets.retain(|triplet| triplet.value > limit);
         Ok(triplets)
     }
 
-    /// Continues until the values above the last one have converged, or the products are spent.
-    fn settle(&mut self, process: &mut GolubKahan, found: &Singular) -> Result<Vec<Triplet>> {
-        let mut missed = self.beyond(process, found)?;
-        let most = PATIENCE * process.steps();
-        while missed.iter().any(|triplet| self.is_open(triplet, found))
-            && self.left() >= 2
-            && process.steps() < most
-            && !process.is_exhausted()
-        {
-            let total = process.steps() + 1;
-            self.step(process, total)?;
-            missed = self.beyond(process, found)?;
-        }
-        Ok(missed)
+    fn is_open(&self, triplets: &[Triplet]) -> bool {
+        let wanted = |triplet: &Triplet| self.options.tolerance * self.largest().max(triplet.value);
+        triplets.iter().any(|triplet| triplet.status(wanted(triplet)) == PairStatus::NotResolved)
     }
 
-    /// Inserts triplets in their order, and keeps the requested number.
-    fn insert(&self, process: &GolubKahan, missed: &[Triplet], found: &mut Singular) {
+    fn insert(&mut self, process: &GolubKahan, missed: &[Triplet]) -> Result<()> {
         for triplet in missed {
+            let wanted = self.options.tolerance * self.largest().max(triplet.value);
+            let found = &mut *self.found;
             let at = found.values.partition_point(|&value| value >= triplet.value);
             let [photo, pattern] = process.vectors(triplet);
-            let wanted =
-                self.options.tolerance * found.values.first().map_or(0.0, |first| first.max(triplet.value));
             found.values.insert(at, triplet.value);
             found.left.insert(at, photo);
             found.right.insert(at, pattern);
@@ -352,12 +299,18 @@ impl Confirmation<'_> {
             found.standard_errors.insert(at, triplet.standard_error);
             found.statuses.insert(at, triplet.status(wanted));
         }
-        let count = self.options.count;
-        found.values.truncate(count);
+        let (count, found) = (self.options.count, &mut *self.found);
+        for numbers in [&mut found.values, &mut found.residuals, &mut found.standard_errors] {
+            numbers.truncate(count);
+        }
         found.left.truncate(count);
         found.right.truncate(count);
-        found.residuals.truncate(count);
-        found.standard_errors.truncate(count);
         found.statuses.truncate(count);
+        Ok(())
+    }
+
+    fn limits(&self, process: &GolubKahan, share: f64) -> Result<[Option<f64>; 2]> {
+        let last = self.found.values.last().copied().unwrap_or(0.0);
+        Ok([None, Some(last.hypot(share.sqrt() * self.largest()) + self.slack(process, 1.0))])
     }
 }

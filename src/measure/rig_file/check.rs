@@ -2,21 +2,19 @@
 
 use std::path::PathBuf;
 
+use super::VirtualTables;
 use crate::error::Error;
 use crate::measure::MeasureOptions;
-use crate::rig::{
-    Ambient, CameraKind, CameraSpec, Drift, Faults, GenicamSpec, ProgramRig, Pulse, Splitter, VirtualCamera,
-    VirtualProjector, X11Spec,
-};
+use crate::rig::{CameraKind, CameraSpec, GenicamSpec, ProgramRig, VirtualCamera, VirtualProjector, X11Spec};
 
 /// Checks the values of one file.
-pub(crate) struct Check {
+pub(crate) struct FileCheck {
     pub(crate) path: PathBuf,
 }
 
 pub(crate) type Checked = Result<(), Error>;
 
-impl Check {
+impl FileCheck {
     /// An error of the file.
     pub(crate) fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
         Error::data(&self.path, fault).help(help)
@@ -35,7 +33,7 @@ impl Check {
         Err(self.fault(format!("{key} is {value}"), format!("give {low} to {high}")))
     }
 
-    pub(crate) fn ranges(&self, table: &str, values: &[(&str, f64, f64, f64)]) -> Checked {
+    fn ranges(&self, table: &str, values: &[(&str, f64, f64, f64)]) -> Checked {
         values
             .iter()
             .try_for_each(|&(key, value, low, high)| self.range(&format!("{table}.{key}"), value, low, high))
@@ -58,23 +56,19 @@ impl Check {
         )
     }
 
-    pub(crate) fn channels(&self, table: &str, channels: usize) -> Checked {
+    fn channels(&self, table: &str, channels: usize) -> Checked {
         let fault = format!("{table}.channels is {channels}");
         self.refuse(channels != 1 && channels != 3, fault, "give 1 (gray) or 3 (red, green, blue)")
     }
 
-    /// Checks a sine: its amplitude and its period.
-    fn wave(&self, table: &str, key: &str, swing: f64, period: f64) -> Checked {
-        self.range(&format!("{table}.{key}"), swing, 0.0, 1.0)?;
-        self.range(&format!("{table}.period"), period, 0.0, 1e9)?;
-        self.refuse(
-            swing > 0.0 && period == 0.0,
-            format!("{table}.{key} is {swing}, but {table}.period is missing"),
-            "give its period in seconds",
-        )
+    /// Checks the devices of a virtual rig and everything between them.
+    pub(super) fn virtual_rig(&self, rig: &VirtualTables) -> Checked {
+        self.projector(&rig.projector)?;
+        self.camera(&rig.camera, rig.projector.channels)?;
+        self.surroundings(rig)
     }
 
-    pub(crate) fn projector(&self, spec: &VirtualProjector) -> Checked {
+    fn projector(&self, spec: &VirtualProjector) -> Checked {
         self.channels("projector", spec.channels)?;
         self.response("projector", spec.gamma, spec.curve.as_deref())?;
         self.ranges(
@@ -90,12 +84,28 @@ impl Check {
                 ("overscan", spec.overscan, 0.0, 0.5),
                 ("iris.dimming", spec.iris.dimming, -1.0, 0.95),
                 ("iris.time", spec.iris.time, 0.0, 3600.0),
+                ("pulse.period", spec.pulse.period, 0.0, 60.0),
+                ("pulse.duty", spec.pulse.duty, 1e-3, 1.0),
             ],
         )?;
-        self.pulse(&spec.pulse, spec.channels)
+        self.refuse(
+            spec.white_segment > 0.0 && spec.channels != 3,
+            "projector.white_segment adds to what three colours have in common, but the projector has one channel",
+            "give the projector channels = 3, or leave white_segment out",
+        )?;
+        self.refuse(
+            spec.pulse.wheel && spec.channels != 3,
+            "projector.pulse.wheel shows three colours, but the projector has one channel",
+            "give the projector channels = 3, or leave wheel out",
+        )?;
+        self.refuse(
+            spec.pulse.period == 0.0 && (spec.pulse.wheel || spec.pulse.duty < 1.0),
+            "projector.pulse has no period",
+            "give period in seconds, e.g. pulse = { period = 0.0083, duty = 0.5 }",
+        )
     }
 
-    pub(crate) fn camera(&self, spec: &VirtualCamera) -> Checked {
+    fn camera(&self, spec: &VirtualCamera, projector_channels: usize) -> Checked {
         self.channels("camera", spec.channels)?;
         self.response("camera", spec.gamma, spec.curve.as_deref())?;
         self.range("camera.bits", spec.bits.into(), 8.0, 16.0)?;
@@ -129,56 +139,73 @@ impl Check {
                 ("distortion", spec.distortion, -0.3, 10.0),
             ],
         )?;
-        let Some(homography) = spec.homography else { return Ok(()) };
+        if let Some(homography) = spec.homography {
+            self.refuse(
+                spec.shift != [0.0; 2] || spec.rotation != 0.0 || spec.scale != 1.0,
+                "camera has a homography, and shift, rotation or scale as well",
+                "give the homography alone, or leave it out",
+            )?;
+            let [a, b, c] = homography.map(glam::DVec3::from_array);
+            self.refuse(
+                !a.dot(b.cross(c)).is_normal(),
+                "camera.homography cannot be inverted",
+                "give the three rows of an invertible matrix, e.g. [[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+            )?;
+        }
+        let Some(matrix) = spec.crosstalk else { return Ok(()) };
         self.refuse(
-            spec.shift != [0.0; 2] || spec.rotation != 0.0 || spec.scale != 1.0,
-            "camera has a homography, and shift, rotation or scale as well",
-            "give the homography alone, or leave it out",
-        )?;
-        let [a, b, c] = homography.map(glam::DVec3::from_array);
-        self.refuse(
-            !a.dot(b.cross(c)).is_normal(),
-            "camera.homography cannot be inverted",
-            "give the three rows of an invertible matrix, e.g. [[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
-        )
-    }
-
-    /// Checks that all colours of a mixture exist, and that each channel sees something.
-    pub(crate) fn crosstalk(&self, projector: &VirtualProjector, camera: &VirtualCamera) -> Checked {
-        let Some(matrix) = camera.crosstalk else { return Ok(()) };
-        self.refuse(
-            (projector.channels, camera.channels) != (3, 3),
+            (projector_channels, spec.channels) != (3, 3),
             "camera.crosstalk mixes three colours, but projector or camera has one channel",
             "give both channels = 3, or leave it out",
         )?;
-        for (row, entries) in matrix.iter().enumerate() {
-            for (column, &entry) in entries.iter().enumerate() {
-                let least = if row == column { 1e-6 } else { 0.0 };
-                self.range(&format!("camera.crosstalk[{row}][{column}]"), entry, least, 1e3)?;
-            }
+        for (at, &entry) in matrix.as_flattened().iter().enumerate() {
+            let (row, column) = (at / 3, at % 3);
+            // Each channel sees something.
+            let least = if row == column { 1e-6 } else { 0.0 };
+            self.range(&format!("camera.crosstalk[{row}][{column}]"), entry, least, 1e3)?;
         }
         Ok(())
     }
 
-    pub(crate) fn ambient(&self, spec: &Ambient) -> Checked {
-        self.range("ambient.level", spec.level, 0.0, 1e6)?;
-        self.wave("ambient", "variation", spec.variation, spec.period)
-    }
-
-    pub(crate) fn drift(&self, spec: &Drift) -> Checked {
-        self.range("drift.per_hour", spec.per_hour, -1e3, 1e3)?;
-        self.wave("drift", "swing", spec.swing, spec.period)
-    }
-
-    pub(crate) fn faults(&self, spec: &Faults) -> Checked {
-        let shares = [
-            ("dropped", spec.dropped, 0.0, 1.0),
-            ("repeated", spec.repeated, 0.0, 1.0),
-            ("late", spec.late, 0.0, 1.0),
-            ("early", spec.early, 0.0, 1.0),
+    /// Checks the splitter, the ambient light, the drift and the faults.
+    fn surroundings(
+        &self,
+        VirtualTables { splitter, ambient, drift, faults, .. }: &VirtualTables,
+    ) -> Checked {
+        let chances = [
+            ("faults.dropped", faults.dropped, 0.0, 1.0),
+            ("faults.repeated", faults.repeated, 0.0, 1.0),
+            ("faults.late", faults.late, 0.0, 1.0),
+            ("faults.early", faults.early, 0.0, 1.0),
         ];
-        self.ranges("faults", &shares)?;
-        let sum: f64 = shares.iter().map(|share| share.1).sum();
+        let others = [
+            ("splitter.ghost", splitter.ghost, 0.0, 1.0),
+            ("splitter.ghost_shift[0]", splitter.ghost_shift[0], -1e5, 1e5),
+            ("splitter.ghost_shift[1]", splitter.ghost_shift[1], -1e5, 1e5),
+            ("splitter.stray", splitter.stray, 0.0, 10.0),
+            ("ambient.level", ambient.level, 0.0, 1e6),
+            ("ambient.variation", ambient.variation, 0.0, 1.0),
+            ("ambient.period", ambient.period, 0.0, 1e9),
+            ("drift.per_hour", drift.per_hour, -1e3, 1e3),
+            ("drift.swing", drift.swing, 0.0, 1.0),
+            ("drift.period", drift.period, 0.0, 1e9),
+        ];
+        for (key, value, low, high) in others.into_iter().chain(chances) {
+            self.range(key, value, low, high)?;
+        }
+        self.refuse(
+            splitter.ghost > 0.0 && splitter.ghost_shift == [0.0; 2],
+            format!("splitter.ghost is {}, but splitter.ghost_shift is missing", splitter.ghost),
+            "give the displacement of the second image in projector pixels, e.g. ghost_shift = [5.0, 0.0]",
+        )?;
+        for (table, key, swing, period) in [
+            ("ambient", "variation", ambient.variation, ambient.period),
+            ("drift", "swing", drift.swing, drift.period),
+        ] {
+            let fault = format!("{table}.{key} is {swing}, but {table}.period is missing");
+            self.refuse(swing > 0.0 && period == 0.0, fault, "give its period in seconds")?;
+        }
+        let sum: f64 = chances.iter().map(|chance| chance.1).sum();
         self.refuse(
             sum > 1.0,
             format!("the chances of [faults] add up to {sum}"),
@@ -277,58 +304,6 @@ impl Check {
                 ("exposures[1]", longest, shortest, 1e6),
                 ("timeout", timeout, 0.0, 3600.0),
             ],
-        )
-    }
-
-    /// Checks the path of the light: projector, camera, and everything between them.
-    pub(crate) fn between(
-        &self,
-        projector: &VirtualProjector,
-        camera: &VirtualCamera,
-        splitter: &Splitter,
-    ) -> Checked {
-        self.projector(projector)?;
-        self.refuse(
-            projector.white_segment > 0.0 && projector.channels != 3,
-            "projector.white_segment adds to what three colours have in common, but the projector has one channel",
-            "give the projector channels = 3, or leave white_segment out",
-        )?;
-        self.camera(camera)?;
-        self.crosstalk(projector, camera)?;
-        self.splitter(splitter)
-    }
-
-    /// Checks the pulses of a projector with this many channels.
-    pub(crate) fn pulse(&self, pulse: &Pulse, channels: usize) -> Checked {
-        self.range("projector.pulse.period", pulse.period, 0.0, 60.0)?;
-        self.range("projector.pulse.duty", pulse.duty, 1e-3, 1.0)?;
-        self.refuse(
-            pulse.wheel && channels != 3,
-            "projector.pulse.wheel shows three colours, but the projector has one channel",
-            "give the projector channels = 3, or leave wheel out",
-        )?;
-        self.refuse(
-            pulse.period == 0.0 && (pulse.wheel || pulse.duty < 1.0),
-            "projector.pulse has no period",
-            "give period in seconds, e.g. pulse = { period = 0.0083, duty = 0.5 }",
-        )
-    }
-
-    fn splitter(&self, spec: &Splitter) -> Checked {
-        let [right, down] = spec.ghost_shift;
-        self.ranges(
-            "splitter",
-            &[
-                ("ghost", spec.ghost, 0.0, 1.0),
-                ("ghost_shift[0]", right, -1e5, 1e5),
-                ("ghost_shift[1]", down, -1e5, 1e5),
-                ("stray", spec.stray, 0.0, 10.0),
-            ],
-        )?;
-        self.refuse(
-            spec.ghost > 0.0 && spec.ghost_shift == [0.0; 2],
-            format!("splitter.ghost is {}, but splitter.ghost_shift is missing", spec.ghost),
-            "give the displacement of the second image in projector pixels, e.g. ghost_shift = [5.0, 0.0]",
         )
     }
 }

@@ -75,7 +75,7 @@ use crate::rig::{
     Splitter, VirtualCamera, VirtualProjector, VirtualRig, VirtualScene, X11Spec, did_you_mean,
 };
 use crate::transport::Channels;
-use check::Check;
+use check::FileCheck;
 
 /// The content of a rig file.
 #[derive(Clone, Debug, PartialEq)]
@@ -108,11 +108,20 @@ pub enum RigKind {
 const KINDS: [&str; 3] = ["virtual", "hardware", "program"];
 
 impl RigKind {
+    /// The name of the kind in a rig file.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Virtual(_) => "virtual",
+            Self::Hardware(_) => "hardware",
+            Self::Program(_) => "program",
+        }
+    }
+
     /// The description of the projector.
     pub fn projector_info(&self) -> ProjectorInfo {
         match self {
             Self::Virtual(rig) => rig.projector_info(),
-            Self::Hardware(rig) => rig.projector_info(),
+            Self::Hardware(rig) => rig.projector.info(),
             Self::Program(rig) => rig.projector_info(),
         }
     }
@@ -127,7 +136,7 @@ impl RigKind {
     pub fn camera_info(&self) -> CameraInfo {
         match self {
             Self::Virtual(rig) => rig.camera_info(),
-            Self::Hardware(rig) => rig.camera_info(),
+            Self::Hardware(rig) => rig.camera.info(),
             Self::Program(rig) => rig.camera_info(),
         }
     }
@@ -201,7 +210,7 @@ struct SceneTable {
 
 impl SceneTable {
     /// The scene, with paths relative to `folder`.
-    fn into_scene(self, check: &Check, folder: &Path) -> Result<VirtualScene> {
+    fn into_scene(self, check: &FileCheck, folder: &Path) -> Result<VirtualScene> {
         let [width, height] = self.size;
         for side in [width, height] {
             check.range("scene.size", side as f64, 1.0, 16384.0)?;
@@ -266,7 +275,7 @@ impl RigFile {
 
     /// Parses `bytes` as the content of the file at `path`.
     pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Self> {
-        let check = Check { path: path.to_path_buf() };
+        let check = FileCheck { path: path.to_path_buf() };
         let text = std::str::from_utf8(bytes)
             .map_err(|_| check.fault("not UTF-8 text", "give a rig file in TOML"))?;
         let hash = *blake3::hash(bytes).as_bytes();
@@ -292,7 +301,7 @@ impl RigFile {
 }
 
 /// Parses the file of a rig of real devices and checks its values.
-fn real_devices(check: &Check, text: &str) -> Result<(RigKind, Option<PathBuf>, MeasureOptions)> {
+fn real_devices(check: &FileCheck, text: &str) -> Result<(RigKind, Option<PathBuf>, MeasureOptions)> {
     let OfKind { camera } = parse(&check.path, text)?;
     // The table parser below reports a missing camera together with the other errors of the file.
     let (rig, calibration, measurement) = match camera.map_or(CameraKind::Gige, |camera| camera.kind) {
@@ -307,7 +316,7 @@ fn real_devices(check: &Check, text: &str) -> Result<(RigKind, Option<PathBuf>, 
 
 /// Parses the file of a rig of real devices with a camera of kind `C`.
 fn hardware<C: DeserializeOwned>(
-    check: &Check,
+    check: &FileCheck,
     text: &str,
     spec: fn(C) -> CameraSpec,
 ) -> Result<(HardwareRig, Option<PathBuf>, MeasureOptions)> {
@@ -317,11 +326,8 @@ fn hardware<C: DeserializeOwned>(
 }
 
 impl VirtualTables {
-    fn into_rig(self, check: &Check, folder: &Path) -> Result<VirtualRig> {
-        check.between(&self.projector, &self.camera, &self.splitter)?;
-        check.ambient(&self.ambient)?;
-        check.drift(&self.drift)?;
-        check.faults(&self.faults)?;
+    fn into_rig(self, check: &FileCheck, folder: &Path) -> Result<VirtualRig> {
+        check.virtual_rig(&self)?;
         let Self { seed, projector, camera, splitter, ambient, drift, faults, .. } = self;
         let scene = self.scene.into_scene(check, folder)?;
         Ok(VirtualRig { scene, projector, camera, splitter, ambient, drift, faults, seed })
@@ -329,7 +335,7 @@ impl VirtualTables {
 }
 
 /// Returns the kind of rig that the file describes. A missing or an unknown kind is an error.
-fn kind_of(check: &Check, text: &str) -> Result<String> {
+fn kind_of(check: &FileCheck, text: &str) -> Result<String> {
     let table: toml::Table = parse(&check.path, text)?;
     let known = KINDS.join(", ");
     match table.get("kind").map(|kind| kind.as_str()) {

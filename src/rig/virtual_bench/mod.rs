@@ -3,18 +3,17 @@
 //!
 //! | step | what it does | file |
 //! |---|---|---|
-//! | levels → light | limited range, response, black level, overscan, blur, vignetting | `screen` |
+//! | levels → light | limited range, response, black level, overscan, blur, vignetting | `light` |
 //! | light → photo | the scene's light transport | [`crate::transport`] |
 //! | photo → sensor | misregistration, the camera's pixels, its blur, the splitter's ghost and stray light | `optics` |
 //! | time | latency, iris, pulses, drift, ambient light, rolling shutter, faults | `world` |
-//! | light → counts | vignetting, shot noise, read noise, response, quantization | `sensor` |
+//! | light → counts | vignetting, shot noise, read noise, response, quantization | `light` |
 //!
 //! Time is simulated, so nothing sleeps. Every count is a function of the rig's description, the frame's number and the time. Therefore
 //! runs repeat to the last bit, and an interrupted run continues at the point of interruption.
 
+mod light;
 mod optics;
-mod screen;
-mod sensor;
 pub(crate) mod spec;
 pub(crate) mod world;
 
@@ -25,11 +24,10 @@ use super::{Camera, CameraInfo, Clock, Devices, Frame, Projector, ProjectorInfo,
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::transport::{Channels, Transport};
+use light::{VirtualScreen, VirtualSensor};
 use optics::View;
-use screen::VirtualScreen;
-use sensor::VirtualSensor;
 use spec::VirtualRig;
-use world::World;
+use world::VirtualWorld;
 
 impl VirtualRig {
     /// The projector's properties.
@@ -81,7 +79,7 @@ impl VirtualRig {
                 )
             })?;
         let own_light = view.unlit()?;
-        let mut world = World {
+        let mut world = VirtualWorld {
             rig: self.clone(),
             camera: camera.resolution,
             view,
@@ -123,12 +121,12 @@ impl VirtualRig {
 struct VirtualDevices {
     projector: ProjectorInfo,
     camera: CameraInfo,
-    world: Arc<Mutex<World>>,
+    world: Arc<Mutex<VirtualWorld>>,
 }
 
 impl VirtualDevices {
     /// Locks the world. A thread that panicked with the lock leaves a frame unfinished, but no inconsistent state.
-    fn world(&self) -> MutexGuard<'_, World> {
+    fn world(&self) -> MutexGuard<'_, VirtualWorld> {
         self.world.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

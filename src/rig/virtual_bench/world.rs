@@ -10,9 +10,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::Deserialize;
 
+use super::light::{VirtualScreen, VirtualSensor};
 use super::optics::{SeenLight, View};
-use super::screen::VirtualScreen;
-use super::sensor::VirtualSensor;
 use super::spec::{Faults, VirtualRig};
 use crate::error::Result;
 use crate::image::Resolution;
@@ -32,7 +31,7 @@ pub(crate) struct Change {
     pub(crate) iris: [f64; 2],
 }
 
-pub(crate) struct World {
+pub(crate) struct VirtualWorld {
     pub(crate) rig: VirtualRig,
     pub(crate) camera: Resolution,
     pub(crate) view: View,
@@ -52,7 +51,7 @@ pub(crate) struct World {
     pub(crate) restarted_at: Option<u64>,
 }
 
-impl World {
+impl VirtualWorld {
     /// Shows a frame, which must fit the screen, and returns the time of the confirmation.
     pub(crate) fn show(&mut self, frame: &Frame) -> Result<f64> {
         let light = self.light_of(frame)?;

@@ -12,7 +12,7 @@ use crate::rig::Frame;
 
 const BAND: usize = 1 << 16;
 
-pub(crate) struct Canvas {
+pub(crate) struct ScreenFormat {
     layout: PixelLayout,
     depth: u8,
     setup: Setup,
@@ -20,7 +20,7 @@ pub(crate) struct Canvas {
     magnify: usize,
 }
 
-impl Canvas {
+impl ScreenFormat {
     /// The format of `screen`. Its root visual must show 8 bits for each of red, green and blue.
     pub(crate) fn new(connection: &RustConnection, screen: &Screen, magnify: usize) -> Result<Self> {
         let visuals = screen.allowed_depths.iter().flat_map(|depth| &depth.visuals);
@@ -43,7 +43,7 @@ impl Canvas {
         Ok(Self { layout, depth: screen.root_depth, setup: connection.setup().clone(), magnify })
     }
 
-    pub(crate) fn draw(&self, frame: &Frame) -> Result<Picture> {
+    pub(crate) fn draw(&self, frame: &Frame) -> Result<DrawnFrame> {
         let Resolution { width, height } = frame.resolution();
         let mut rows =
             Image::allocate_native((width * self.magnify) as u16, height as u16, self.depth, &self.setup)
@@ -53,11 +53,11 @@ impl Canvas {
             let (x, y) = (at % width * self.magnify, at / width);
             (x..x + self.magnify).for_each(|x| rows.put_pixel(x as u16, y as u16, pixel));
         }
-        Ok(Picture { rows, magnify: self.magnify })
+        Ok(DrawnFrame { rows, magnify: self.magnify })
     }
 
     /// Compares the drawn picture with `seen`, which holds the screen's rows from `top` on. `None`: they are equal.
-    pub(crate) fn difference(&self, drawn: &Picture, top: u16, seen: &Image<'_>) -> Option<Difference> {
+    pub(crate) fn difference(&self, drawn: &DrawnFrame, top: u16, seen: &Image<'_>) -> Option<Difference> {
         // In almost all cases, all bytes agree, even the unused ones.
         if drawn.is_same(top, seen) {
             return None;
@@ -93,12 +93,12 @@ impl Canvas {
 
 /// A frame in the server's pixel format. It holds each row of the pattern once, in the width on screen. The server repeats the rows, so
 /// that less data is sent.
-pub(crate) struct Picture {
+pub(crate) struct DrawnFrame {
     pub(crate) rows: Image<'static>,
     pub(crate) magnify: usize,
 }
 
-impl Picture {
+impl DrawnFrame {
     pub(crate) fn width(&self) -> u16 {
         self.rows.width()
     }

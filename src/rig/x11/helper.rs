@@ -4,7 +4,7 @@
 //! the measurement. The process is always the `krylux` program, started as `krylux projector`. A program other than krylux never starts
 //! itself as the helper: it names the `krylux` program, or [`Helper::find`] searches for it.
 
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -82,7 +82,15 @@ impl Places<'_> {
     fn find(&self) -> Result<PathBuf> {
         if let Some(named) = &self.variable {
             let program = PathBuf::from(named);
-            return if program.is_file() { Ok(program) } else { Err(names_no_file(named)) };
+            let names = Helper::VARIABLE;
+            let what =
+                format!("the environment variable {names} names the helper program \"{}\"", named.display());
+            let help = "set it to the path of the krylux program, or unset it";
+            return if program.is_file() {
+                Ok(program)
+            } else {
+                Err(fault(format!("{what}, which is not a file"), help))
+            };
         }
         if let Some(program) = self.declared {
             return Ok(program.to_owned());
@@ -117,17 +125,6 @@ impl Places<'_> {
             ),
         )
     }
-}
-
-fn names_no_file(named: &OsStr) -> Error {
-    fault(
-        format!(
-            "the environment variable {} names the helper program \"{}\", which is not a file",
-            Helper::VARIABLE,
-            named.display()
-        ),
-        "set it to the path of the krylux program, or unset it",
-    )
 }
 
 /// Reads requests from `from` and writes replies to `to` until `from` ends. Then the window closes. The helper process does nothing else.

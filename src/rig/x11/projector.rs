@@ -3,7 +3,7 @@
 
 use std::io;
 use std::io::{Read, Write};
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
@@ -27,15 +27,14 @@ pub struct X11Projector {
     helper: Helper,
     clock: WallClock,
     process: Option<Process>,
-    shown: Option<Frame>,
+    /// Whether a frame is on screen, as far as is known.
+    is_shown: bool,
     times: ShowTimes,
     restarts: u64,
 }
 
 struct Process {
     child: Child,
-    /// The helper's standard input. `None`: the helper was told to end.
-    requests: Option<ChildStdin>,
     replies: Receiver<Reply>,
     patience: Duration,
 }
@@ -59,7 +58,7 @@ impl X11Projector {
             helper: helper.clone(),
             clock,
             process: None,
-            shown: None,
+            is_shown: false,
             times: ShowTimes::default(),
             restarts: 0,
         };
@@ -127,7 +126,7 @@ impl Projector for X11Projector {
 
     fn show(&mut self, frame: &Frame) -> Result<Shown> {
         self.info.check(frame)?;
-        self.shown = None;
+        self.is_shown = false;
         let mut tried = self.try_show(frame);
         if let Err(Failure::Helper(_)) = tried {
             // The helper crashed or hangs. Another helper is started once.
@@ -135,7 +134,7 @@ impl Projector for X11Projector {
             tried = self.start().and_then(|()| self.try_show(frame));
         }
         tried.map_err(|why| self.gone(why))?;
-        self.shown = Some(frame.clone());
+        self.is_shown = true;
         Ok(Shown { at: self.clock.seconds() })
     }
 
@@ -144,7 +143,7 @@ impl Projector for X11Projector {
     }
 
     fn confirm(&mut self) -> Result<()> {
-        if self.shown.is_none() {
+        if !self.is_shown {
             return Ok(());
         }
         self.ask(&Request::Confirm, &[]).map(|_| ()).map_err(|why| self.gone(why))
@@ -159,7 +158,6 @@ impl Process {
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command.spawn().map_err(|why| why.to_string())?;
-        let requests = child.stdin.take();
         let Some(mut answers) = child.stdout.take() else { return Err("it has no standard output".into()) };
         let (sender, replies) = channel();
         let reader = std::thread::Builder::new().spawn(move || {
@@ -170,7 +168,7 @@ impl Process {
                 }
             }
         });
-        let process = Self { child, requests, replies, patience: helper.patience };
+        let process = Self { child, replies, patience: helper.patience };
         match reader {
             Ok(_) => Ok(process),
             Err(why) => {
@@ -180,7 +178,7 @@ impl Process {
     }
 
     fn ask(&mut self, request: &Request, payload: &[u8]) -> std::result::Result<Reply, String> {
-        let Some(requests) = &mut self.requests else { return Err("it was told to end".into()) };
+        let Some(requests) = &mut self.child.stdin else { return Err("it was told to end".into()) };
         let sent = send(requests, request, payload);
         match self.replies.recv_timeout(self.patience) {
             Ok(reply) => Ok(reply),
@@ -198,7 +196,7 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        drop(self.requests.take());
+        drop(self.child.stdin.take());
         // A helper that hangs is killed, because its window must not stay on the monitor.
         let _ = wait(&mut self.child, FAREWELL);
     }

@@ -16,7 +16,7 @@ use x11rb::protocol::{present, screensaver};
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 
-use super::canvas::{Canvas, Difference, Picture};
+use super::canvas::{Difference, DrawnFrame, ScreenFormat};
 use super::projector::ShowTimes;
 use super::watch::Watch;
 use super::{MonitorInfo, X11Spec, fault, lost, monitor};
@@ -37,14 +37,14 @@ pub(crate) struct Screen {
     rows: Pixmap,
     turn: usize,
     serial: u32,
-    canvas: Canvas,
+    canvas: ScreenFormat,
     /// The root window contains all other windows, so a window that covers the projector's window is read back too.
     root: Window,
     watch: Watch,
     monitor: MonitorInfo,
     offset: [i16; 2],
     spec: X11Spec,
-    shown: Option<Picture>,
+    shown: Option<DrawnFrame>,
 }
 
 impl Screen {
@@ -65,7 +65,7 @@ impl Screen {
         connection.present_query_version(1, 0).map_err(opening)?.reply().map_err(opening)?;
         let monitor = monitor::choose(monitor::listed(&connection, root)?, spec)?;
         monitor::check_passes(&connection, &monitor)?;
-        let canvas = Canvas::new(&connection, &screen, spec.magnify)?;
+        let canvas = ScreenFormat::new(&connection, &screen, spec.magnify)?;
         let window = window(&connection, &screen, &monitor).map_err(opening)?;
         let (gc, pixmaps) = pixmaps(&connection, &screen, &monitor).map_err(opening)?;
         let shown = spec.shown();
@@ -166,7 +166,7 @@ impl Screen {
         })
     }
 
-    fn put(&self, picture: &Picture, pixmap: Pixmap) -> std::result::Result<(), ConnectionError> {
+    fn put(&self, picture: &DrawnFrame, pixmap: Pixmap) -> std::result::Result<(), ConnectionError> {
         let ([left, top], wide) = (self.offset, picture.width());
         if picture.magnify == 1 {
             picture.rows.put(&self.connection, pixmap, self.gc, left, top)?;
@@ -201,7 +201,7 @@ impl Screen {
     }
 
     /// Checks pixel by pixel that the framebuffer holds the drawn picture, and allows some refreshes for it to appear.
-    fn read_back(&mut self, drawn: &Picture) -> Result<()> {
+    fn read_back(&mut self, drawn: &DrawnFrame) -> Result<()> {
         let mut found = self.difference(drawn)?;
         let mut refresh = 0;
         for _ in 0..LAG {
@@ -224,11 +224,11 @@ impl Screen {
         ))
     }
 
-    fn difference(&self, drawn: &Picture) -> Result<Option<Difference>> {
+    fn difference(&self, drawn: &DrawnFrame) -> Result<Option<Difference>> {
         self.compared(drawn).map_err(|why| lost("let its screen be read back", &why))
     }
 
-    fn compared(&self, drawn: &Picture) -> std::result::Result<Option<Difference>, ReplyError> {
+    fn compared(&self, drawn: &DrawnFrame) -> std::result::Result<Option<Difference>, ReplyError> {
         let [left, corner] = [0, 1].map(|axis| self.monitor.place[axis] + self.offset[axis]);
         let (width, connection) = (drawn.width(), &self.connection);
         let ask = |[top, height]: [u16; 2]| -> std::result::Result<_, ConnectionError> {

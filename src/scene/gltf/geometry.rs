@@ -73,7 +73,7 @@ fn assembly(
     };
     for (position, node) in placed.iter().enumerate() {
         let progress = Progress { watcher, position, nodes: placed.len() };
-        progress.begin()?;
+        progress.at(0, 1)?;
         let source = &document.root.nodes[node.node];
         let Some(index) = source.mesh.map(|mesh| mesh.value()) else { continue };
         let node_name = document.node_name(node.node);
@@ -368,17 +368,8 @@ struct Progress<'a> {
 }
 
 impl Progress<'_> {
-    fn begin(self) -> Result<()> {
-        self.watcher.tell(self.share(0.0))
-    }
-
     /// Tells the watcher from time to time that `done` of `of` triangles of the node are finished.
     fn at(self, done: usize, of: usize) -> Result<()> {
-        self.watcher.count(done, || self.share(done as f32 / of as f32))
-    }
-
-    /// The finished share of the whole work, given the finished share of the node.
-    fn share(self, of_node: f32) -> f32 {
-        (self.position as f32 + of_node) / self.nodes as f32
+        self.watcher.count(done, || (self.position as f32 + done as f32 / of as f32) / self.nodes as f32)
     }
 }

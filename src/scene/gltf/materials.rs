@@ -137,9 +137,9 @@ impl Materials {
             of(&source.emissive_texture),
             of(&specular.specular_texture),
             of(&specular.specular_color_texture),
-            of(&transmission.regular.texture),
-            of(&transmission.diffuse.texture),
-            of(&transmission.diffuse.color_texture),
+            of(&transmission.regular.transmission_texture),
+            of(&transmission.diffuse.diffuse_transmission_texture),
+            of(&transmission.diffuse.diffuse_transmission_color_texture),
         ];
         for ((role, slot), texture) in material.texture_slots().into_iter().zip(textures) {
             if let Some(texture) = texture {
@@ -302,26 +302,11 @@ const REFLECTANCE: f32 = 0.04;
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Glossiness {
-    #[serde(default = "white")]
-    diffuse_factor: [f32; 4],
+    diffuse_factor: Option<[f32; 4]>,
     diffuse_texture: Option<json::texture::Info>,
-    #[serde(default = "ones")]
-    specular_factor: [f32; 3],
-    #[serde(default = "one")]
-    glossiness_factor: f32,
+    specular_factor: Option<[f32; 3]>,
+    glossiness_factor: Option<f32>,
     specular_glossiness_texture: Option<json::texture::Info>,
-}
-
-fn white() -> [f32; 4] {
-    [1.0; 4]
-}
-
-fn ones() -> [f32; 3] {
-    [1.0; 3]
-}
-
-fn one() -> f32 {
-    1.0
 }
 
 impl Glossiness {
@@ -334,11 +319,12 @@ impl Glossiness {
         material: &mut Material,
     ) -> Result<()> {
         let checked = Checks { document, what };
-        let [red, green, blue, alpha] = self.diffuse_factor;
+        let [red, green, blue, alpha] = self.diffuse_factor.unwrap_or([1.0; 4]);
         material.base_color = checked.fractions("diffuseFactor", [red, green, blue])?;
         material.opacity = checked.fraction("alpha in diffuseFactor", alpha)?;
-        let glossiness = checked.fraction("glossinessFactor", self.glossiness_factor)?;
-        material.specular_color = checked.fractions("specularFactor", self.specular_factor)? / REFLECTANCE;
+        let glossiness = checked.fraction("glossinessFactor", self.glossiness_factor.unwrap_or(1.0))?;
+        let specular = checked.fractions("specularFactor", self.specular_factor.unwrap_or([1.0; 3]))?;
+        material.specular_color = specular / REFLECTANCE;
         (material.metallic, material.specular, material.ior) = (0.0, 1.0, 1.5);
         material.roughness = 1.0 - glossiness;
         (material.metallic_roughness_texture, material.specular_texture) = (None, None);
@@ -370,33 +356,27 @@ const VOLUME: &str = "KHR_materials_volume";
 const READ_HERE: [&str; 3] = [TRANSMISSION, DIFFUSE_TRANSMISSION, VOLUME];
 
 #[derive(Default, Deserialize)]
-pub(super) struct Transmission {
-    #[serde(default, rename = "transmissionFactor")]
-    factor: f32,
-    #[serde(default, rename = "transmissionTexture")]
-    pub texture: Option<json::texture::Info>,
+#[serde(default, rename_all = "camelCase")]
+struct Transmission {
+    transmission_factor: f32,
+    transmission_texture: Option<json::texture::Info>,
 }
 
 #[derive(Default, Deserialize)]
-pub(super) struct DiffuseTransmission {
-    #[serde(default, rename = "diffuseTransmissionFactor")]
-    factor: f32,
-    #[serde(default, rename = "diffuseTransmissionTexture")]
-    pub texture: Option<json::texture::Info>,
-    #[serde(default, rename = "diffuseTransmissionColorFactor")]
-    color: Option<[f32; 3]>,
-    #[serde(default, rename = "diffuseTransmissionColorTexture")]
-    pub color_texture: Option<json::texture::Info>,
+#[serde(default, rename_all = "camelCase")]
+struct DiffuseTransmission {
+    diffuse_transmission_factor: f32,
+    diffuse_transmission_texture: Option<json::texture::Info>,
+    diffuse_transmission_color_factor: Option<[f32; 3]>,
+    diffuse_transmission_color_texture: Option<json::texture::Info>,
 }
 
 /// `KHR_materials_volume`. A thickness above 0 makes a solid. The geometry determines how thick it is.
 #[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
 struct Medium {
-    #[serde(default, rename = "thicknessFactor")]
-    thickness: f32,
-    #[serde(default, rename = "attenuationDistance")]
+    thickness_factor: f32,
     attenuation_distance: Option<f32>,
-    #[serde(default, rename = "attenuationColor")]
     attenuation_color: Option<[f32; 3]>,
 }
 
@@ -410,20 +390,22 @@ struct TransmissionExtensions {
 
 impl TransmissionExtensions {
     fn check_into(&self, checked: &Checks<'_>, material: &mut Material) -> Result<()> {
-        material.transmission = checked.fraction("transmissionFactor", self.regular.factor)?;
-        material.diffuse_transmission = checked.fraction("diffuseTransmissionFactor", self.diffuse.factor)?;
-        if let Some(color) = self.diffuse.color {
+        let Self { regular, diffuse, medium } = self;
+        material.transmission = checked.fraction("transmissionFactor", regular.transmission_factor)?;
+        material.diffuse_transmission =
+            checked.fraction("diffuseTransmissionFactor", diffuse.diffuse_transmission_factor)?;
+        if let Some(color) = diffuse.diffuse_transmission_color_factor {
             material.diffuse_transmission_color =
                 checked.fractions("diffuseTransmissionColorFactor", color)?;
         }
-        let distance = self.medium.attenuation_distance.unwrap_or(f32::INFINITY);
+        let color = medium.attenuation_color.unwrap_or([1.0; 3]);
+        let distance = medium.attenuation_distance.unwrap_or(f32::INFINITY);
         let volume = Volume {
-            attenuation_color: checked
-                .fractions("attenuationColor", self.medium.attenuation_color.unwrap_or([1.0; 3]))?,
+            attenuation_color: checked.fractions("attenuationColor", color)?,
             attenuation_distance: checked.positive("attenuationDistance", distance)?,
         };
-        let [thickness, _, _] =
-            checked.not_negative("thicknessFactor", [self.medium.thickness, 0.0, 0.0])?.to_array();
+        let Vec3 { x: thickness, .. } =
+            checked.not_negative("thicknessFactor", [medium.thickness_factor, 0.0, 0.0])?;
         material.volume = (thickness > 0.0).then_some(volume);
         Ok(())
     }

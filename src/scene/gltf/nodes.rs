@@ -2,13 +2,13 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use gltf_json as json;
 use serde::Deserialize;
 
 use super::extensions::Label;
 use super::geometry::Surface;
-use super::{Document, extensions, geometry, object_name};
+use super::{Document, extensions, geometry, object_name, pose};
 use crate::error::Result;
 use crate::scene::Triangle;
 
@@ -188,16 +188,12 @@ fn in_cycle(parents: &[Option<usize>], start: usize) -> bool {
 fn local_transform(document: &Document, index: usize, node: &json::Node) -> Result<DAffine3> {
     let stated = document.translations.get(index).copied().flatten();
     if let Some(matrix) = node.matrix {
-        let matrix = DMat4::from_cols_array(&matrix.map(f64::from));
-        let last = matrix.row(3);
-        // glTF requires an affine matrix. The tolerance is for exporters that round.
-        if !last.abs_diff_eq(glam::DVec4::W, 1e-6) {
+        let Some(transform) = pose::affine(matrix) else {
             return Err(document
                 .fault(format!("{}: its matrix is not affine", document.node_name(index)))
                 .help("the last row of a node's matrix must be 0 0 0 1"));
-        }
-        let translation = stated.unwrap_or(matrix.w_axis.truncate());
-        return Ok(DAffine3 { matrix3: DMat3::from_mat4(matrix), translation });
+        };
+        return Ok(DAffine3 { translation: stated.unwrap_or(transform.translation), ..transform });
     }
     let scale = node.scale.map_or(DVec3::ONE, |scale| DVec3::from_array(scale.map(f64::from)));
     let read = node.translation.map_or(DVec3::ZERO, |to| DVec3::from_array(to.map(f64::from)));

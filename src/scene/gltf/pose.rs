@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::rc::Rc;
 
-use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4, Vec3};
 use gltf_json as json;
 use gltf_json::accessor::{ComponentType, Type};
 use gltf_json::mesh::Semantic;
@@ -200,17 +200,11 @@ impl Skins {
     }
 }
 
-/// The affine transform of a 4×4 matrix given by columns; `None` if its last row is not 0 0 0 1.
-fn affine(columns: [f32; 16]) -> Option<DAffine3> {
-    let columns = columns.map(f64::from);
-    let last = [columns[3], columns[7], columns[11], columns[15]];
-    // The tolerance is for exporters that round.
-    let is_affine = last.iter().zip([0.0, 0.0, 0.0, 1.0]).all(|(value, exact)| (value - exact).abs() < 1e-6);
-    let column = |first: usize| DVec3::new(columns[first], columns[first + 1], columns[first + 2]);
-    is_affine.then(|| DAffine3 {
-        matrix3: DMat3::from_cols(column(0), column(4), column(8)),
-        translation: column(12),
-    })
+/// The affine transform of a 4×4 matrix given by columns; `None` if its last row is not 0 0 0 1. The tolerance is for exporters that round.
+pub(super) fn affine(columns: [f32; 16]) -> Option<DAffine3> {
+    let matrix = DMat4::from_cols_array(&columns.map(f64::from));
+    let is_affine = matrix.row(3).abs_diff_eq(DVec4::W, 1e-6);
+    is_affine.then(|| DAffine3 { matrix3: DMat3::from_mat4(matrix), translation: matrix.w_axis.truncate() })
 }
 
 /// The joints of each vertex of a primitive, with their weights; empty if the primitive has no skin.

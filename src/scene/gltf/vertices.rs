@@ -32,12 +32,12 @@ pub(super) struct Vertices<'a> {
     normals: Option<OpenAccessor<'a>>,
     texcoords: [Option<OpenAccessor<'a>>; 2],
     colors: Option<(OpenAccessor<'a>, Type)>,
-    targets: Vec<Target<'a>>,
+    targets: Vec<MorphTarget<'a>>,
     pub count: usize,
 }
 
 /// A morph target with its rest weight.
-struct Target<'a> {
+struct MorphTarget<'a> {
     weight: f32,
     positions: Option<OpenAccessor<'a>>,
     normals: Option<OpenAccessor<'a>>,
@@ -123,7 +123,7 @@ fn open_targets<'a>(
     primitive: &json::mesh::Primitive,
     weights: &[f32],
     count: usize,
-) -> Result<Vec<Target<'a>>> {
+) -> Result<Vec<MorphTarget<'a>>> {
     let mut targets = Vec::new();
     for (index, (target, &weight)) in primitive.targets.iter().flatten().zip(weights).enumerate() {
         if weight == 0.0 {
@@ -145,7 +145,7 @@ fn open_targets<'a>(
         let positions = open("POSITION", target.positions)?;
         let normals = open("NORMAL", target.normals)?;
         if positions.is_some() || normals.is_some() {
-            targets.push(Target { weight, positions, normals });
+            targets.push(MorphTarget { weight, positions, normals });
         }
     }
     Ok(targets)

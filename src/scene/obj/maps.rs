@@ -20,7 +20,7 @@ pub(super) struct Maps {
 }
 
 #[derive(Clone, PartialEq)]
-struct Map {
+struct TextureMap {
     file: PathBuf,
     offset: Vec2,
     scale: Vec2,
@@ -43,7 +43,7 @@ impl Maps {
         let placed = match &found {
             [None, None] => return Ok(None),
             [Some(color), Some(opacity)] => {
-                let same = Map { file: color.file.clone(), ..opacity.clone() } == *color;
+                let same = TextureMap { file: color.file.clone(), ..opacity.clone() } == *color;
                 if !same {
                     return Err(file
                         .fault(format!("material `{material}`: map_Kd and map_d have different options"))
@@ -77,7 +77,7 @@ impl Maps {
 
 /// Whether the picture of a map exists and has a supported format. If not, a warning says that the material is shown without it. In a
 /// strictly read scene, the result is `true`, and reading the picture is an error.
-fn is_there(scene: &mut SceneFile, material: &str, map: &Map) -> bool {
+fn is_there(scene: &mut SceneFile, material: &str, map: &TextureMap) -> bool {
     if scene.strict {
         return true;
     }
@@ -131,14 +131,14 @@ fn read_picture(scene: &mut SceneFile, material: &str, picture: &Path) -> Result
 }
 
 /// Parses the arguments `-o u v w -s u v w … FILE`.
-fn parse(scene: &mut SceneFile, material: &str, text: &str) -> Result<Map> {
+fn parse(scene: &mut SceneFile, material: &str, text: &str) -> Result<TextureMap> {
     let what = format!("material `{material}`: `{}`", shortened(text));
     let bad = |scene: &SceneFile, why: &str| {
         scene
             .fault(format!("{what} {why}"))
             .help("give the options -o, -s and -clamp, and a file next to the scene")
     };
-    let mut map = Map { file: PathBuf::new(), offset: Vec2::ZERO, scale: Vec2::ONE, clamp: false };
+    let mut map = TextureMap { file: PathBuf::new(), offset: Vec2::ZERO, scale: Vec2::ONE, clamp: false };
     let mut rest = text.trim();
     while let Some(option) = rest.strip_prefix('-') {
         let (name, arguments) = option.split_once(char::is_whitespace).unwrap_or((option, ""));

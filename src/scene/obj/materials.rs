@@ -72,7 +72,7 @@ fn without_comment(name: &str) -> &str {
 
 /// Reads the libraries of the file and converts the entries that its faces use.
 pub(super) fn load(checked: &Checked, file: &mut SceneFile) -> Result<ObjMaterials> {
-    let mut found: HashMap<String, Entry> = HashMap::new();
+    let mut found: HashMap<String, MtlEntry> = HashMap::new();
     for library in libraries(&checked.libraries, file)? {
         if !file.strict && source::is_missing(&library) {
             file.warn(format!("the material library {} is missing", library.display()));
@@ -170,7 +170,7 @@ fn names(line: &str, is_file: impl Fn(&str) -> bool) -> Vec<&str> {
 
 /// The supported statements of a material, by their keywords.
 #[derive(Clone, Default)]
-struct Entry {
+struct MtlEntry {
     name: String,
     colors: HashMap<String, Vec3>,
     /// `Tr` is stored as `d`.
@@ -178,12 +178,12 @@ struct Entry {
     maps: HashMap<String, String>,
 }
 
-fn entries(path: &Path, text: &str, file: &mut SceneFile) -> Result<Vec<Entry>> {
-    let mut entries: Vec<Entry> = Vec::new();
+fn entries(path: &Path, text: &str, file: &mut SceneFile) -> Result<Vec<MtlEntry>> {
+    let mut entries: Vec<MtlEntry> = Vec::new();
     statements(path, text, |line| {
         if line.keyword == "newmtl" {
             let name = if line.rest.is_empty() { UNNAMED } else { line.rest };
-            entries.push(Entry { name: name.to_owned(), ..Entry::default() });
+            entries.push(MtlEntry { name: name.to_owned(), ..MtlEntry::default() });
             return Ok(());
         }
         let Some(entry) = entries.last_mut() else {
@@ -200,7 +200,7 @@ fn entries(path: &Path, text: &str, file: &mut SceneFile) -> Result<Vec<Entry>> 
     Ok(entries)
 }
 
-impl Entry {
+impl MtlEntry {
     /// Takes one statement. Returns whether it is supported.
     fn state(&mut self, line: &Line<'_>) -> Result<bool> {
         let keyword = line.keyword;
@@ -276,7 +276,7 @@ fn fraction(line: &Line<'_>) -> Result<f32> {
     }
 }
 
-fn convert(entry: &Entry, maps: &mut Maps, file: &mut SceneFile) -> Result<Material> {
+fn convert(entry: &MtlEntry, maps: &mut Maps, file: &mut SceneFile) -> Result<Material> {
     let color = |keyword: &str| entry.colors.get(keyword).copied();
     let clamped = |keyword: &str| color(keyword).map(|color| color.min(Vec3::ONE));
     let number = |keyword: &str| entry.numbers.get(keyword).copied();

@@ -21,7 +21,8 @@ use crate::io::name::Name;
 use crate::lab::{Log, RigSource, SharedObserver, SourceKind};
 use crate::measure::{Calibration, CaptureRequest, Effort, FrameSource, RigFile, RigKind};
 use crate::report::content::Content;
-use crate::rig::{AttachedDevices, CameraInfo, Helper, MonitorInfo, ProjectorInfo, RawFrame};
+use crate::report::stages;
+use crate::rig::{AttachedDevices, CameraInfo, Helper, MonitorInfo, ProjectorInfo, RawFrame, VirtualScene};
 
 /// Refuses a source, given as this argument, that is not a rig. Errors: [`Error::Option`].
 pub fn require_rig(path: &Path, argument: &str) -> Result<()> {
@@ -273,6 +274,57 @@ impl ListDevices {
         content.detail("notes", notes);
         Ok((content, is_found))
     }
+}
+
+/// What `krylux info` tells of a rig file.
+pub fn about(file: &RigFile) -> Content<'static> {
+    let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
+    let scene = match &file.kind {
+        RigKind::Virtual(rig) => Some(match &rig.scene {
+            VirtualScene::File { path, size, samples, .. } => {
+                format!("{}, {size} pixels, {samples} light paths each", path.display())
+            }
+            VirtualScene::Matrix { path, size } => format!("{}, {size} pixels", path.display()),
+        }),
+        _ => None,
+    };
+    let colour = |channels: usize| if channels == 1 { "gray" } else { "colours" };
+    let kind = file.kind.word();
+    let mut content = Content::default();
+    content.line(format_args!("rig       {} ({kind})", file.path.display()));
+    match &scene {
+        Some(scene) => content.line(format_args!("  scene   {scene}")),
+        None => content.line(format_args!("  devices {}, {}", projector.name, camera.name)),
+    }
+    content.line(format_args!(
+        "  shows   {} pixels, {} bits, {}",
+        projector.resolution,
+        projector.bits,
+        colour(projector.channels)
+    ));
+    let [shortest, longest] = camera.exposures;
+    content.line(format_args!(
+        "  sees    {} pixels, {} bits, {}, exposures from {shortest} to {longest} s",
+        camera.resolution,
+        camera.bits,
+        colour(camera.channels)
+    ));
+    match &file.calibration {
+        Some(folder) => content.line(format_args!("  known   calibration {}", folder.display())),
+        None => {
+            content.line("  known   nothing: it names no calibration, so its devices are taken as ideal");
+        }
+    }
+    content.line(format_args!("  stages  {}", stages(&file.measurement)));
+    content.fact("path", Name::from(&file.path));
+    content.fact("hash", blake3::Hash::from_bytes(file.hash).to_string());
+    content.fact("kind", kind);
+    content.fact("scene", scene);
+    content.fact("projector", projector);
+    content.fact("camera", camera);
+    content.fact("calibration", file.calibration.as_ref().map(Name::from));
+    content.fact("measurement", &file.measurement);
+    content
 }
 
 fn line_of((at, monitor): (usize, &MonitorInfo)) -> String {

@@ -10,9 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use super::options::{count, defaults, not_planned, number};
 use crate::analysis::segment::{Capture, feature_view};
-use crate::analysis::{
-    Blurred, Cut, DirectMethod, SegmentOptions, WithoutDirect, measure_direct, segment::evidence,
-};
+use crate::analysis::separate::SeparateBy;
+use crate::analysis::{Blurred, Cut, SegmentOptions, WithoutDirect, segment::evidence};
 use crate::error::{Error, Result};
 use crate::image::{Blur, Resolution};
 use crate::krylov::Confirm;
@@ -194,7 +193,7 @@ impl Segment {
     }
 
     /// Takes all photos with `operator` (`n × n`), which contains the light of [`Segment::part`]. Fails as [`Verb::check`],
-    /// [`measure_direct`], [`Capture::run`] and [`evidence()`].
+    /// [`SeparateBy::measure`], [`Capture::run`] and [`evidence()`].
     pub fn run(&self, operator: &mut dyn Operator, resolution: Resolution, seed: u64) -> Result<Segmented> {
         self.check()?;
         self.check_pixels(resolution)?;
@@ -209,7 +208,7 @@ impl Segment {
     ) -> Result<Segmented> {
         let direct = match self.direct_method() {
             None => None,
-            Some(by) => Some(measure_direct(operator, resolution, by, options.seed)?),
+            Some(by) => Some(by.measure(operator, resolution, options.seed)?),
         };
         let mut found = match &direct {
             Some(direct) => {
@@ -287,13 +286,13 @@ impl Segment {
     }
 
     /// The method that measures direct light, if one is used.
-    fn direct_method(&self) -> Option<DirectMethod> {
+    fn direct_method(&self) -> Option<SeparateBy> {
         match self.direct {
             Direct::Source | Direct::Keep => None,
-            Direct::Estimator => Some(DirectMethod::Estimator { photos: self.direct_photos }),
+            Direct::Estimator => Some(SeparateBy::Random { photos: self.direct_photos }),
             Direct::Patterns => {
                 let shifts = self.shifts()?;
-                Some(DirectMethod::Checkerboards { square: self.direct_square, shifts })
+                Some(SeparateBy::Checkerboards { square: self.direct_square, shifts })
             }
         }
     }

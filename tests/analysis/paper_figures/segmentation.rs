@@ -3,10 +3,8 @@
 use std::sync::{Arc, OnceLock};
 
 use krylux::analysis::segment::{evidence, feature_view, segment};
-use krylux::analysis::{
-    Blurred, DirectMethod, MASKED, SegmentOptions, Segmentation, WithoutDirect, adjusted_rand_index,
-    measure_direct,
-};
+use krylux::analysis::separate::SeparateBy;
+use krylux::analysis::{Blurred, MASKED, SegmentOptions, Segmentation, WithoutDirect, adjusted_rand_index};
 use krylux::image::{Blur, Resolution};
 use krylux::lab::Lab;
 use krylux::scene::{Scene, builtin};
@@ -245,12 +243,10 @@ fn direct_light_may_be_measured_in_place_of_being_known_and_both_sides_be_blurre
     krylux::operator::Operator::apply(&mut folds.part(Part::Direct), &vec![1.0; 48 * 48], &mut white)
         .unwrap();
     let options = SegmentOptions { photos: 20, groups: vec![2], ..SegmentOptions::default() };
-    let methods = [
-        (DirectMethod::Checkerboards { square: 4, shifts: 4 }, 16),
-        (DirectMethod::Estimator { photos: 16 }, 17),
-    ];
+    let methods =
+        [(SeparateBy::Checkerboards { square: 4, shifts: 4 }, 16), (SeparateBy::Random { photos: 16 }, 17)];
     for (method, photos) in methods {
-        let direct = measure_direct(&mut folds.part(Part::Full), resolution, method, 3).unwrap();
+        let direct = method.measure(&mut folds.part(Part::Full), resolution, 3).unwrap();
         assert_eq!(direct.photos, photos, "{method:?}");
         let missed: f64 = direct.direct.iter().zip(&white).map(|(a, b)| (a - b).powi(2)).sum();
         let relative = (missed / white.iter().map(|d| d * d).sum::<f64>()).sqrt();

@@ -1,12 +1,96 @@
-//! The minimal residual method for symmetric operators.
+//! CG and MINRES, for symmetric operators.
 
-use super::cg::symmetry_tolerance;
 use super::system::{System, rotation};
-use super::{Advance, SolveOptions, Solver};
+use super::{Advance, Recurrence, SolveOptions, Solver, ended};
 use crate::error::Result;
 use crate::krylov::basis::{axpy, dot, norm, update, update2};
 use crate::krylov::completeness::Status;
 use crate::operator::Adjoint;
+
+/// Conjugate gradients: solves `A x = b` for a symmetric positive definite `A` of `n × n`.
+///
+/// With a symmetric positive definite `M` it is conjugate gradients on `M^-½ A M^-½`, without computing the roots.
+///
+/// `‖x − A⁻¹b‖_A` falls monotonically. `‖r‖` may rise, so the best iterate is returned. A step takes one product. The method ends with
+/// [`Status::Breakdown`] if a curvature `pᵀAp ≤ 0` shows that `A` is not positive definite. It ends with [`Status::NotSymmetric`] if
+/// `zᵀAp ≠ pᵀAp` (in exact arithmetic `p` and the previous direction are conjugate). The method stores seven `n`-vectors: `b, x`, the best
+/// `x`, `r, z, p` and `A p`.
+///
+/// References: Hestenes and Stiefel (1952), doi:10.6028/jres.049.044.
+pub struct Cg {
+    /// `M⁻¹ r`.
+    z: Vec<f64>,
+    p: Vec<f64>,
+    /// `rᵀ z` of the previous step; 0 at the start.
+    rho: f64,
+    /// True if `p` was computed from the current residual.
+    directed: bool,
+    /// The relative noise of a product, from the options.
+    noise: f64,
+}
+
+impl Cg {
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge symmetry, `noise` of the
+    /// options.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`](crate::Error::Dimension) if lengths differ, [`Error::Numerical`](crate::Error::Numerical) for NaN,
+    /// [`Error::Option`](crate::Error::Option) for a preconditioner that is not positive definite or an impossible option.
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
+        let n = b.len();
+        let system = System::split("CG", true, n, b, options)?;
+        let recurrence =
+            Self { z: vec![0.0; n], p: vec![0.0; n], rho: 0.0, directed: false, noise: options.noise };
+        Ok(Solver::new(system, recurrence).symmetric("CG"))
+    }
+}
+
+/// The asymmetry that is tolerated in `uᵀ A v`, relative to `‖u‖ ‖A v‖`. The last product was `A v`, with this standard error and this
+/// length. Rounding causes an asymmetry of 1e-16 times a growth that stays small before convergence, so a value above 1e-6 is not rounding.
+/// Noise causes an asymmetry of the size of the noise.
+pub(super) fn symmetry_tolerance(noise: f64, error: f64, length: f64) -> f64 {
+    (10.0 * noise.max(error / length)).max(1e-6)
+}
+
+impl Recurrence for Cg {
+    fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
+        if system.open(operator)? {
+            return Ok(Advance::Continuing);
+        }
+        if !self.directed {
+            system.inverse.apply(&system.r, &mut self.z)?;
+            let rho = dot(&system.r, &self.z);
+            if rho <= 0.0 {
+                return Ok(Advance::Ended(if system.tally.residual == 0.0 {
+                    Status::ReachedTolerance
+                } else {
+                    Status::Breakdown("the preconditioner is not positive definite")
+                }));
+            }
+            let beta = if self.rho > 0.0 { rho / self.rho } else { 0.0 };
+            update(&mut self.p, &self.z, |p, z| z + beta * p);
+            self.rho = rho;
+            self.directed = true;
+        }
+        system.tally.product(operator, &self.p, &mut system.work)?;
+        let curvature = dot(&self.p, &system.work);
+        let asymmetry = (dot(&self.z, &system.work) - curvature).abs();
+        let length = norm(&system.work);
+        let tolerance = symmetry_tolerance(self.noise, system.tally.standard_error(operator), length);
+        if asymmetry > tolerance * norm(&self.z) * length {
+            return ended(Status::NotSymmetric);
+        }
+        if curvature <= f64::EPSILON * norm(&self.p) * length {
+            return ended(Status::Breakdown("the operator is not positive definite"));
+        }
+        let alpha = self.rho / curvature;
+        axpy(alpha, &self.p, &mut system.x);
+        axpy(-alpha, &system.work, &mut system.r);
+        self.directed = false;
+        system.note_residual();
+        Ok(Advance::Continuing)
+    }
+}
 
 /// At `‖A r‖ ≤ 1e-10 ‖A‖ ‖r‖` no better `x` exists within double precision.
 pub(super) const LEAST_SQUARES: f64 = 1e-10;
@@ -31,9 +115,7 @@ const RISE: f64 = 1e-14;
 /// References: O'Toole and Kutulakos, section 6, use it for light transport compensation. Paige and Saunders
 /// (1975), doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements and Fast
 /// Iterative Solvers*, algorithm 4.1, doi:10.1093/acprof:oso/9780199678792.001.0001.
-#[derive(Clone)]
 pub struct Minres {
-    system: System,
     /// The previous and the current Lanczos vector, orthonormal in `M⁻¹`.
     v_old: Vec<f64>,
     v: Vec<f64>,
@@ -61,10 +143,10 @@ impl Minres {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to
     /// judge symmetry, `noise` of the options. Fails with the errors of
     /// [`Cg::new`](crate::krylov::linear::Cg::new).
-    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let zero = vec![0.0; b.len()];
-        Ok(Self {
-            system: System::split("MINRES", true, b.len(), b, options)?,
+        let system = System::split("MINRES", true, b.len(), b, options)?;
+        let recurrence = Self {
             v_old: zero.clone(),
             v: zero.clone(),
             z_old: zero.clone(),
@@ -79,15 +161,16 @@ impl Minres {
             scale: 0.0,
             started: false,
             noise: options.noise,
-        })
+        };
+        Ok(Solver::new(system, recurrence).symmetric("MINRES"))
     }
 
     /// Makes the first Lanczos vector, `r / ‖r‖` in the norm of `M⁻¹`.
-    fn start(&mut self) -> Result<Option<Status>> {
-        self.system.precondition(&self.system.r, &mut self.z)?;
-        let square = dot(&self.system.r, &self.z);
+    fn start(&mut self, system: &System) -> Result<Option<Status>> {
+        system.inverse.apply(&system.r, &mut self.z)?;
+        let square = dot(&system.r, &self.z);
         if square <= 0.0 || !square.is_finite() {
-            return Ok(Some(if self.system.tally.residual == 0.0 {
+            return Ok(Some(if system.tally.residual == 0.0 {
                 Status::ReachedTolerance
             } else {
                 Status::Breakdown("the preconditioner is not positive definite")
@@ -95,7 +178,7 @@ impl Minres {
         }
         let length = square.sqrt();
         self.eta = length;
-        update(&mut self.v, &self.system.r, |_, r| r / length);
+        update(&mut self.v, &system.r, |_, r| r / length);
         for z in &mut self.z {
             *z /= length;
         }
@@ -104,17 +187,16 @@ impl Minres {
     }
 }
 
-impl Solver for Minres {
-    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
-        if self.system.open(operator, Some("MINRES"))? {
+impl Recurrence for Minres {
+    fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
+        if system.open(operator)? {
             return Ok(Advance::Continuing);
         }
         if !self.started
-            && let Some(status) = self.start()?
+            && let Some(status) = self.start(system)?
         {
             return Ok(Advance::Ended(status));
         }
-        let system = &mut self.system;
         system.tally.product(operator, &self.z, &mut system.work)?;
         let length = norm(&system.work);
         let alpha = dot(&system.work, &self.z);
@@ -122,15 +204,15 @@ impl Solver for Minres {
             if self.beta > 0.0 { (dot(&system.work, &self.z_old) - self.beta).abs() } else { 0.0 };
         let tolerance = symmetry_tolerance(self.noise, system.tally.standard_error(operator), length);
         if asymmetry > tolerance * length * norm(&self.z_old) {
-            return Ok(Advance::Ended(Status::NotSymmetric));
+            return ended(Status::NotSymmetric);
         }
         let beta = self.beta;
         update2(&mut system.work, &self.v, &self.v_old, |q, v, old| q - alpha * v - beta * old);
-        system.precondition(&system.work, &mut self.z_next)?;
+        system.inverse.apply(&system.work, &mut self.z_next)?;
         let square = dot(&system.work, &self.z_next);
         let mut beta_next = square.max(0.0).sqrt();
         if square < -f64::EPSILON * norm(&system.work) * norm(&self.z_next) {
-            return Ok(Advance::Ended(Status::Breakdown("the preconditioner is not positive definite")));
+            return ended(Status::Breakdown("the preconditioner is not positive definite"));
         }
         self.scale = self.scale.max(alpha.hypot(beta).hypot(beta_next));
         if beta_next <= f64::EPSILON * 10.0 * self.scale {
@@ -144,7 +226,7 @@ impl Solver for Minres {
         let gradient = diagonal.hypot(c1 * beta_next);
         let (c, s, rho) = rotation(diagonal, beta_next);
         if gradient <= LEAST_SQUARES * self.scale || rho == 0.0 {
-            return Ok(Advance::Ended(Status::LeastSquares));
+            return ended(Status::LeastSquares);
         }
         let above = s1 * alpha + c0 * c1 * beta;
         let far = s0 * beta;
@@ -167,13 +249,8 @@ impl Solver for Minres {
         self.sines = [s, s1];
         // r_j = s² r_{j−1} + c η v_{j+1}
         update(&mut system.r, &self.v, |r, v| s * s * r + c * eta * v);
-        let residual = norm(&system.r);
-        let rises = system.preconditioner.is_none() && residual > system.tally.residual * (1.0 + RISE);
-        system.note(residual);
+        let before = system.tally.residual;
+        let rises = system.note_residual() > before * (1.0 + RISE) && system.inverse.is_identity();
         Ok(if beta_next == 0.0 || rises { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
-    }
-
-    fn system(&self) -> &System {
-        &self.system
     }
 }

@@ -1,4 +1,4 @@
-//! The light transport matrix as an answer.
+//! The light transport matrix, traced or photographed column by column.
 
 use crate::analysis::brute_force;
 use crate::error::{Error, Result};
@@ -6,32 +6,27 @@ use crate::lab::{Lab, LabOperator, SourceKind};
 use crate::sparse::Csr;
 use crate::transport::{Assembled, Bounces, Part};
 
-/// A request for matrices.
-#[derive(Clone, Copy, Debug)]
-pub struct MatrixRequest {
-    /// The part of the light.
-    pub part: Part,
-    /// Requests three matrices instead: the first bounce, the second one and the rest. The laboratory must have been opened with
-    /// [`split_bounces`](crate::lab::Settings::split_bounces).
-    pub split_bounces: bool,
-    /// The number of photos that a rig may take. The default is 4096.
-    pub photos: Option<usize>,
-}
-
 impl Lab {
     /// The light transport matrix of every channel, `[channel]`, each with a name for its file. The matrix of a scene is traced, and that
-    /// of a rig is photographed column by column.
+    /// of a rig is photographed column by column. With `split_bounces`, there are three matrices instead of the matrix of `part`: the first
+    /// bounce, the second one and the rest. The laboratory must then have been opened with
+    /// [`split_bounces`](crate::lab::Settings::split_bounces). `photos` is the number of photos that a rig may take; the default is 4096.
     ///
     /// # Errors
     /// [`Error::Option`] for a request that the source does not support; the errors of [`Lab::operator`].
-    pub fn matrices(&mut self, request: &MatrixRequest) -> Result<Vec<Vec<(&'static str, Csr)>>> {
+    pub fn matrices(
+        &mut self,
+        part: Part,
+        split_bounces: bool,
+        photos: Option<usize>,
+    ) -> Result<Vec<Vec<(&'static str, Csr)>>> {
         if self.run.is_none() {
             self.warn_of_darkness();
         }
         if matches!(self.kind(), SourceKind::Scene | SourceKind::Matrix) {
-            return self.matrices_in_memory(request);
+            return self.matrices_in_memory(part, split_bounces, photos);
         }
-        if request.split_bounces {
+        if split_bounces {
             return Err(Error::option(
                 "--split-bounces",
                 "a photo does not tell how often its light has bounced",
@@ -39,21 +34,26 @@ impl Lab {
             .help("give --part direct or --part global, which are told apart by shifted patterns"));
         }
         let resolution = self.projector_resolution();
-        brute_force::check_photos(resolution, self.channels(), request.photos)?;
-        let operators = self.operators(request.part)?;
+        brute_force::check_photos(resolution, self.channels(), photos)?;
+        let operators = self.operators(part)?;
         self.expect(resolution.pixels());
         let columns = |mut operator: LabOperator| Ok(vec![("", brute_force::columns(&mut operator)?)]);
         self.photos(|_| operators.into_iter().map(columns).collect())
     }
 
-    fn matrices_in_memory(&mut self, request: &MatrixRequest) -> Result<Vec<Vec<(&'static str, Csr)>>> {
-        if request.photos.is_some() {
+    fn matrices_in_memory(
+        &mut self,
+        part: Part,
+        split_bounces: bool,
+        photos: Option<usize>,
+    ) -> Result<Vec<Vec<(&'static str, Csr)>>> {
+        if photos.is_some() {
             return Err(Error::option("--photos", "a scene's matrix is traced, not photographed")
                 .help("leave it out; --spp says how many light paths are traced"));
         }
         let count = self.channels().count();
-        if !request.split_bounces {
-            let matrix = |channel| Ok(vec![("", self.matrix(request.part, channel)?)]);
+        if !split_bounces {
+            let matrix = |channel| Ok(vec![("", self.matrix(part, channel)?)]);
             return (0..count).map(matrix).collect();
         }
         let Some(traced) = self.assembled()? else {
