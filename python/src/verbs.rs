@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use krylux::Error;
-use krylux::lab::{Answer as Answering, GivenArray, Verb};
+use krylux::lab::{Answer as Answering, GivenArray};
 use krylux::report::content::{Content, Values};
 use krylux::verbs::plan::Planned;
 use krylux::verbs::{AnyVerb, Compensate, Declared, VERBS, from_json};
