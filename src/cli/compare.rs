@@ -15,7 +15,7 @@ use crate::io::name::Name;
 use crate::io::{npy, picture};
 use crate::lab::text::percent;
 use crate::report::colormap::{paint_signed, robust_range};
-use crate::report::planes::mean;
+use crate::report::figure::mean;
 
 /// Compare two images: RMSE, relative RMSE, PSNR and SSIM; exit status 1 past a threshold
 #[derive(clap::Args)]

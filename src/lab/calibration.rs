@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::layout::RECORD;
-use super::{Lab, Log, RigSource, RunFolder, RunOptions, journal};
+use super::{Lab, Log, RigSource, RunFolder, RunOptions, layout};
 use crate::calibrate::{CalibrateOptions, CalibrationReport, calibrate, flat_field_of_sheet};
 use crate::error::{Error, Result};
 use crate::io::manifest::Status;
@@ -69,8 +69,8 @@ impl RigSource {
         run: &mut RunFolder,
         write: impl FnOnce(&RunFolder, &Calibration, &CalibrationReport) -> Result<()>,
     ) -> Result<(CalibrationReport, Effort)> {
-        let journal = journal::open(&run.path, &self.identity()?, run.resumes, self.observer())?;
-        let warn = journal::warning(&journal, self.observer());
+        let journal = layout::open_journal(&run.path, &self.identity()?, run.resumes, self.observer())?;
+        let warn = layout::warn_of_damage(&journal, self.observer());
         let mut frames = JournaledFrames::new(journal, self.opener())?.reporting(warn);
         let (found, report) = self.calibrate_by(&mut frames, options)?;
         let effort = frames.effort();

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use super::lock::lock;
+use super::lock;
 use super::source::Source;
 use super::transport::{self, LightTransport};
 use super::{Lab, LabOperator};

@@ -26,11 +26,9 @@
 mod builder;
 mod calibration;
 mod folder;
-mod journal;
 mod kept;
 mod layout;
 mod light;
-mod lock;
 mod look;
 mod matrix;
 mod measured;
@@ -51,11 +49,10 @@ mod through_rig;
 mod traced;
 mod transport;
 mod verb;
-mod verbs;
 mod verification;
 
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 pub use builder::LabBuilder;
 pub use folder::{RunFolder, RunOptions};
@@ -64,6 +61,7 @@ pub use look::look;
 pub(crate) use observing::Log;
 pub use observing::SharedObserver;
 pub use operator::LabOperator;
+pub use photos::SinglePhoto;
 pub(crate) use run_model::model_shape;
 pub use run_model::open_model;
 pub use settings::{
@@ -73,7 +71,6 @@ pub(crate) use settings::{byte_count, size};
 pub use shards::{JoinedShards, Scaling, TracedShard, join_shards};
 pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, GivenArray, Saved, Verb, Verified};
-pub use verbs::SinglePhoto;
 pub use verification::VerifiedEigenpairs;
 
 pub use crate::analysis::segment::Truth;
@@ -269,7 +266,7 @@ impl Lab {
 
     /// Whether a model of an earlier run's photos computes the photos.
     pub(crate) fn is_model(&mut self) -> Result<bool> {
-        Ok(lock::lock(self.transport()?).is_model())
+        Ok(lock(self.transport()?).is_model())
     }
 
     pub(crate) fn add_findings(&mut self, more: impl IntoIterator<Item = Finding>) {
@@ -289,6 +286,11 @@ impl Lab {
             }
         }
     }
+}
+
+/// Locks a mutex. Its value is intact even after a thread panicked, since every change is one assignment.
+fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

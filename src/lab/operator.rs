@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 
 use super::SharedObserver;
-use super::lock::lock;
+use super::lock;
 use super::transport::{LightTransport, Shape};
 use crate::error::{Error, Result};
 use crate::observer::{Observer, PhotoTaken};

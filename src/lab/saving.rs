@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use super::folder::{RunFolder, RunOptions};
-use super::lock::lock;
+use super::lock;
 use super::{Answer, Lab, Log, Saved};
 use crate::error::{Error, Result};
 use crate::finding::{Finding, merge};

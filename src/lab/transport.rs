@@ -9,7 +9,7 @@ use super::measured::MeasuredRig;
 use super::run_model::open_model;
 use super::source::{ExplicitParts, ModelParts, SceneSource};
 use super::{
-    Log, SharedObserver, journal,
+    Log, SharedObserver, layout,
     notes::{self, product_name},
 };
 use crate::analysis::LowRank;
@@ -232,7 +232,7 @@ impl LightTransport {
         let taken = engine.with_operator(part, channel, |inner| {
             apply(&mut JournaledOperator::new(journal, name, inner), ys)
         });
-        let mut warn = journal::warning(journal, observer);
+        let mut warn = layout::warn_of_damage(journal, observer);
         journal.damages()[known..].iter().for_each(&mut warn);
         taken
     }

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::colormap::{paint_signed, robust_range};
+use super::figure::mean;
 use super::html::{Block, Frame, Section, Sheet, brief};
-use super::planes::mean;
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::io::raster::{Raster, develop, exposure};

@@ -77,3 +77,17 @@ pub(crate) fn flip(figures: &mut [Figure], names: &[&str]) {
         figure.flips = others.map(|name| (*name).to_owned()).collect();
     }
 }
+
+/// The mean over the channels, for each pixel.
+pub(crate) fn mean(planes: &[Vec<f64>]) -> Vec<f64> {
+    let pixels = planes.first().map_or(0, Vec::len);
+    (0..pixels)
+        .map(|pixel| planes.iter().map(|plane| plane[pixel]).sum::<f64>() / planes.len() as f64)
+        .collect()
+}
+
+/// The mean of `a − b` over the channels, for each pixel.
+pub(crate) fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<f64> {
+    let less = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(a, b)| a - b).collect();
+    mean(&a.iter().zip(b).map(less).collect::<Vec<_>>())
+}

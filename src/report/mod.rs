@@ -20,7 +20,6 @@ pub(crate) mod figure;
 pub mod html;
 pub mod index;
 pub mod palette;
-pub(crate) mod planes;
 pub mod plot;
 pub(crate) mod residuals;
 pub mod run;

@@ -8,6 +8,19 @@ pub fn percent(share: impl Into<Ratio>) -> String {
     share.into().percent()
 }
 
+/// A percentage with three digits with its unit, such as `3.14 %`; `–` if there is nothing to measure.
+pub(crate) fn percentage(share: impl Into<Ratio>) -> String {
+    let Some(share) = share.into().value() else { return "–".into() };
+    let percent = 100.0 * share;
+    let decimals = match percent {
+        100.0.. => 0,
+        10.0.. => 1,
+        0.1.. => 2,
+        _ => 4,
+    };
+    format!("{percent:.decimals$} %")
+}
+
 /// As [`decimal`], with a plus sign before a value that is not negative.
 pub fn signed(value: f64, decimals: usize) -> String {
     let plus = if value.is_sign_negative() { "" } else { "+" };

@@ -17,10 +17,6 @@ pub mod rig;
 pub mod segment;
 pub mod separate;
 pub mod solve;
-#[cfg(test)]
-mod tests_of_runs;
-#[cfg(test)]
-mod tests_of_verification;
 
 use std::path::Path;
 
@@ -136,3 +132,8 @@ impl<V: Verb<Answer: Send + 'static> + Send + Sync> AnyVerb for V {
         Ok(Box::new(lab.ask(self)?))
     }
 }
+
+#[cfg(test)]
+mod tests_of_runs;
+#[cfg(test)]
+mod tests_of_verification;

@@ -19,8 +19,8 @@ use crate::lab::{Answer, ChannelChoice, Lab, LabOperator, Verb};
 use crate::report::content::Content;
 use crate::report::figure;
 use crate::report::html::Block;
-use crate::report::planes::percent;
 use crate::report::run::AnswerPage;
+use crate::report::text::percentage;
 use crate::transport::{Channels, Part};
 
 /// Probe light transport: a photo of which only direct, indirect, near or far light paths are let through
@@ -165,10 +165,10 @@ impl Answer for ProbedLight {
     }
 
     fn sentence(&self) -> String {
-        let (paths, noise) = (self.probing.in_words(), percent(self.noise()));
+        let (paths, noise) = (self.probing.in_words(), percentage(self.noise()));
         let text = format!("{} photos let through {paths}, with a standard error of {noise}.", self.photos);
         match self.error() {
-            Some(error) => format!("{text} The matrix itself says so within {}.", percent(error)),
+            Some(error) => format!("{text} The matrix itself says so within {}.", percentage(error)),
             None => text,
         }
     }

@@ -146,7 +146,6 @@ impl Segmentation {
         let resolved = 1 + pairs.iter().filter(|pair| pair.is_resolved(RESOLVED, norm)).count();
         let sign = options.cut.sign();
         let known_value = if options.cut == Cut::Normalized { 1.0 } else { 0.0 };
-        let ended = capture.status().map_or("the capture broke off".into(), |status| status.to_string());
         Ok(Self {
             labels: labels.collect(),
             confidence: confidence.collect(),
@@ -164,18 +163,20 @@ impl Segmentation {
             cut: options.cut,
             photos: capture.photos(),
             history: capture.history().to_vec(),
-            status: format!(
-                "{} photos: {ended}; {resolved} of {} eigenvectors have a residual below {RESOLVED}{}",
-                capture.photos(),
-                options.eigenvectors.max(kept),
-                match embedding.local() {
-                    0 => String::new(),
-                    local => format!(", and {local} are localized"),
-                }
-            ),
+            status: status(capture, resolved, options.eigenvectors.max(kept), embedding.local()),
             embedding,
         })
     }
+}
+
+/// A sentence about how the capture ended, and how many of `wanted` eigenvectors it resolved.
+fn status(capture: &Capture, resolved: usize, wanted: usize, local: usize) -> String {
+    let ended = capture.status().map_or("the capture broke off".into(), |status| status.to_string());
+    let localized = if local == 0 { String::new() } else { format!(", and {local} are localized") };
+    format!(
+        "{} photos: {ended}; {resolved} of {wanted} eigenvectors have a residual below {RESOLVED}{localized}",
+        capture.photos()
+    )
 }
 
 /// Whether eigenvalues of a matrix of light are possible. `largest` is the largest of their sizes, relative to the largest row sum, and

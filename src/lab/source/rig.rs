@@ -13,7 +13,7 @@ use crate::lab::layout::{calibration_folder, short_name};
 use crate::lab::measured::{MeasuredRig, measured};
 use crate::lab::notes;
 use crate::lab::settings::Settings;
-use crate::lab::{Log, SharedObserver, Truth, journal};
+use crate::lab::{Log, SharedObserver, Truth, layout};
 use crate::measure::{
     Calibration, FrameSource, JournaledFrames, LiveFrames, Opener, RigFile, RigKind, RunManifest,
 };
@@ -279,7 +279,7 @@ impl RigSource {
         let mut opener = self.opener();
         let frames: Box<dyn FrameSource> = match journal {
             Some(journal) => {
-                let warn = journal::warning(&journal, &self.observer);
+                let warn = layout::warn_of_damage(&journal, &self.observer);
                 Box::new(JournaledFrames::new(journal, opener)?.reporting(warn))
             }
             None => opener(None)?,

@@ -13,7 +13,7 @@ use crate::lab::layout::{RECORD, calibration_folder, journal_folder};
 use crate::lab::measured::{MeasuredRig, measured};
 use crate::lab::notes::product_name;
 use crate::lab::notes::{self, Kind, SourceNote};
-use crate::lab::{SharedObserver, Truth, journal};
+use crate::lab::{SharedObserver, Truth, layout};
 use crate::measure::{Calibration, JournaledFrames, RigFile, RunManifest};
 use crate::operator::Product;
 use crate::rig::Frame;
@@ -63,7 +63,7 @@ impl RunSource {
 
     pub(in crate::lab) fn journal(&self, observer: &SharedObserver) -> Result<Journal> {
         let journal = Journal::read_only(&journal_folder(&self.folder))?;
-        journal::report_damages(&journal, observer);
+        layout::report_damages(&journal, observer);
         Ok(journal)
     }
 
@@ -83,7 +83,7 @@ impl RunSource {
             journal.read_note(notes::RIG_FILE)?.ok_or_else(|| incomplete(&journal, "their rig file"))?;
         let file = RigFile::from_bytes(&self.note.path, &bytes)?;
         let calibration = Calibration::load(&calibration_folder(&self.folder))?;
-        let warn = journal::warning(&journal, observer);
+        let warn = layout::warn_of_damage(&journal, observer);
         let frames = Box::new(JournaledFrames::replay(journal)?.reporting(warn));
         measured(frames, &calibration, &file, (channels, self.note.symmetry()))
     }

@@ -10,7 +10,7 @@ use crate::gpu::AdapterSummary;
 use crate::image::Resolution;
 use crate::io::manifest;
 use crate::journal::Identity;
-use crate::lab::lock::lock;
+use crate::lab::lock;
 use crate::lab::settings::{Settings, View};
 use crate::lab::text::grouped;
 use crate::lab::traced::{self, report_matrix, report_trace, store};

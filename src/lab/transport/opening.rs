@@ -14,7 +14,7 @@ use crate::lab::notes::{self, Kind};
 use crate::lab::settings::{ChannelChoice, OperatorChoice, Settings};
 use crate::lab::source::{ExplicitParts, MatrixSource, ModelParts, RunSource, SceneSource, Source};
 use crate::lab::text::bytes;
-use crate::lab::{Log, SharedObserver, Truth, journal};
+use crate::lab::{Log, SharedObserver, Truth, layout};
 use crate::operator::{Operator, Symmetry};
 use crate::transport::{Assembled, Backend, Channels, Part, photo_bytes, predict};
 
@@ -36,7 +36,7 @@ impl LightTransport {
         };
         let journal = |identity: &Identity| -> Result<Option<Journal>> {
             let Some((run, truth)) = run else { return Ok(None) };
-            let mut journal = journal::open(&run.path, identity, run.resumes, observer)?;
+            let mut journal = layout::open_journal(&run.path, identity, run.resumes, observer)?;
             if let Some(truth) = truth {
                 note(&mut journal, notes::TRUTH, truth)?;
             }

@@ -9,7 +9,7 @@ use crate::analysis::Compensation;
 use crate::error::Result;
 use crate::image::Image;
 use crate::io::manifest::Independent;
-use crate::lab::lock::lock;
+use crate::lab::lock;
 use crate::lab::source::Source;
 use crate::lab::transport::LightTransport;
 use crate::lab::{Lab, LabOperator, Verified};

@@ -12,8 +12,8 @@ use crate::finding::{Finding, Grade, Ratio};
 use crate::lab::text::{self, decimal};
 use crate::lab::{Answer, Lab, Verb, Verified};
 use crate::report::content::Content;
-use crate::report::planes::percent;
 use crate::report::run::AnswerPage;
+use crate::report::text::percentage;
 
 /// A captured model and its answers.
 #[derive(Clone, Debug)]
@@ -169,7 +169,7 @@ impl Answer for Relighting {
         }
         match self.worst() {
             Some(worst) => {
-                let _ = write!(text, ", at worst within {} of the true photo.", percent(worst));
+                let _ = write!(text, ", at worst within {} of the true photo.", percentage(worst));
             }
             None => text.push('.'),
         }
@@ -195,7 +195,7 @@ impl Answer for Relighting {
     fn findings(&self) -> Vec<Finding> {
         let finding = |[worst, most]: [f64; 2]| {
             let grade = if worst <= most { Grade::Ok } else { Grade::Fails };
-            let [found, expected] = [worst, most].map(|error| format!("within {}", percent(error)));
+            let [found, expected] = [worst, most].map(|error| format!("within {}", percentage(error)));
             let found = format!("{found} of the true photos");
             Finding::graded("relit photos", grade, found, expected, "give more --photos")
         };

@@ -8,9 +8,9 @@ use crate::error::Result;
 use crate::io::raster::exposure;
 use crate::report::figure;
 use crate::report::html::Block;
-use crate::report::planes::percent;
 use crate::report::plot;
 use crate::report::run::AnswerPage;
+use crate::report::text::percentage;
 
 impl Relighting {
     /// Writes images, `error-curve.csv` and `relighting-errors.csv`. Relit and true photos share one exposure.
@@ -32,8 +32,8 @@ impl Relighting {
             let figure = figure::pattern(&relit.pattern, format!("Pattern {number}: {}", relit.name))?;
             figures.push(page.picture(&pattern, figure.named(&pattern, ""))?);
             let caption = match relit.errors.last() {
-                Some(error) => format!("within {}", percent(*error)),
-                None => format!("about {} off, by what the photos leave open", percent(relit.stated)),
+                Some(error) => format!("within {}", percentage(*error)),
+                None => format!("about {} off, by what the photos leave open", percentage(relit.stated)),
             };
             figures.push(page.light(&own, &relit.relit, scale, format!("Relit {number}: {caption}"))?);
             let Some(truth) = &relit.truth else { continue };
@@ -56,7 +56,8 @@ impl Relighting {
             let scale = exposure(&reduced.photo);
             let caption = format!("Photo {number}: {}", reduced.name);
             figures.push(figure::light(&reduced.photo, scale, &page.unit, caption)?);
-            let error = reduced.error.map_or(String::new(), |error| format!(": within {}", percent(error)));
+            let error =
+                reduced.error.map_or(String::new(), |error| format!(": within {}", percentage(error)));
             let caption = format!("Direct light alone {number}{error}");
             figures.push(page.light(&format!("direct-only-{number}"), &reduced.direct, scale, caption)?);
             let Some(truth) = &reduced.truth else { continue };
@@ -75,7 +76,7 @@ impl Relighting {
     fn duals(&self, page: &mut AnswerPage<'_>) -> Result<()> {
         let mut figures = Vec::new();
         for (dual, number) in self.duals.iter().zip(1..) {
-            let error = dual.error.map_or(String::new(), |error| format!(": within {}", percent(error)));
+            let error = dual.error.map_or(String::new(), |error| format!(": within {}", percentage(error)));
             let caption = format!("Lit from the camera by {}{error}", dual.name);
             let file = format!("dual-{number}");
             figures.push(page.light(&file, &dual.image, exposure(&dual.image), caption)?);
@@ -142,9 +143,9 @@ impl Relighting {
         let row = |row: &RankRow| {
             vec![
                 row.photos.to_string(),
-                percent(row.error),
-                percent(row.one_sided),
-                row.optimal.map_or_else(|| "–".into(), percent),
+                percentage(row.error),
+                percentage(row.one_sided),
+                row.optimal.map_or_else(|| "–".into(), percentage),
                 row.optimal.map_or_else(|| "–".into(), |optimal| format!("{:.3}", row.error / optimal)),
             ]
         };

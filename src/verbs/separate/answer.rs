@@ -11,8 +11,8 @@ use crate::image::Resolution;
 use crate::lab::text::{self, decimal};
 use crate::lab::{Answer, Lab, Verb, Verified};
 use crate::report::content::Content;
-use crate::report::planes::percent;
 use crate::report::run::AnswerPage;
+use crate::report::text::percentage;
 
 /// Direct and global light under white, with the further results that were requested.
 #[derive(Clone, Debug)]
@@ -158,14 +158,15 @@ impl Answer for Separated {
         let mut text = format!(
             "By {}{photos}: global light is {} of all that is seen under white.",
             self.method,
-            percent(share)
+            percentage(share)
         );
         if let Some(error) = self.error() {
-            let _ = write!(text, " The direct light is within {} of the exact first bounce.", percent(error));
+            let _ =
+                write!(text, " The direct light is within {} of the exact first bounce.", percentage(error));
         }
         if let (Some(direct), Some(global)) = (&self.standard_error, &self.global_error) {
             let [direct, global] = [(direct, &self.direct), (global, &self.global)]
-                .map(|(errors, light)| percent(relative_to(norm(errors), light, errors)));
+                .map(|(errors, light)| percentage(relative_to(norm(errors), light, errors)));
             let _ = write!(text, " Standard errors: {direct} of the direct light, {global} of the global.");
         }
         text
@@ -212,8 +213,8 @@ impl Answer for Separated {
         findings.extend(self.max_error.map(|most| match self.error() {
             Some(error) => {
                 let grade = if self.excess().is_none() { Grade::Ok } else { Grade::Fails };
-                let found = format!("within {} of the exact first bounce", percent(error));
-                let expected = format!("within {}", percent(most));
+                let found = format!("within {} of the exact first bounce", percentage(error));
+                let expected = format!("within {}", percentage(most));
                 Finding::graded("direct light", grade, found, expected, "give more photos, or another --by")
             }
             None => Finding::unmeasured("direct light", "there is none, or its true value is not known"),

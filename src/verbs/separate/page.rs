@@ -12,9 +12,9 @@ use crate::io::picture;
 use crate::io::raster::exposure;
 use crate::report::figure;
 use crate::report::html::Block;
-use crate::report::planes::percent;
 use crate::report::plot;
 use crate::report::run::AnswerPage;
+use crate::report::text::percentage;
 
 impl Separated {
     /// Writes images and `errors.csv`. The `.png` files of direct and global light share one exposure.
@@ -50,8 +50,8 @@ impl Separated {
         page.contact_sheet("Those of the method come first, those that tell near from far last.")?;
         page.fact("Method", &self.method);
         if let Some(reach) = &self.near_far {
-            let error = reach.error.map_or(String::new(), |error| format!(", error {}", percent(error)));
-            let text = format!("{} photos, noise {}{error}", reach.photos, percent(reach.noise));
+            let error = reach.error.map_or(String::new(), |error| format!(", error {}", percentage(error)));
+            let text = format!("{} photos, noise {}{error}", reach.photos, percentage(reach.noise));
             page.fact("Near indirect light by probing", text);
         }
         Ok(())
@@ -83,7 +83,12 @@ impl Separated {
         let lines = names.iter().map(line).collect();
         let plot = plot::lines(["photos", "relative error of the direct light"], lines, "");
         let row = |row: &ComparisonRow| {
-            vec![row.setting.clone(), row.photos.to_string(), percent(row.error), percent(row.global_error)]
+            vec![
+                row.setting.clone(),
+                row.photos.to_string(),
+                percentage(row.error),
+                percentage(row.global_error),
+            ]
         };
         let table = Block::table(
             ["method", "photos", "direct", "global"],
