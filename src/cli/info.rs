@@ -161,7 +161,7 @@ fn show(scene: &Scene, args: &Args, console: &Console) -> Result<()> {
     }
     let Some(file) = &args.picture else { return Ok(()) };
     if file.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("png")) {
-        return Err(Error::data(&file, "what the camera sees is written as a picture for people")
+        return Err(Error::data(file, "what the camera sees is written as a picture for people")
             .help("name it .png; `krylux photo` writes light as .exr or .npy"));
     }
     let short = |ratio: f32| ((SIDE as f32 * ratio).round() as usize).max(1);

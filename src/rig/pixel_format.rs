@@ -86,10 +86,9 @@ impl PixelFormat {
     }
 }
 
+#[cfg(any(feature = "gige", feature = "usb3"))]
 #[cfg(test)]
 mod tests {
-    #![cfg(any(feature = "gige", feature = "usb3"))]
-
     use super::*;
     use proptest::prelude::*;
 

@@ -56,6 +56,9 @@ pub trait Request: Verb + Args + Serialize + DeserializeOwned + Default {}
 
 impl<V: Verb + Args + Serialize + DeserializeOwned + Default> Request for V {}
 
+/// A request of one of the verbs.
+pub type AnyRequest = Box<dyn AnyVerb>;
+
 /// The declaration of a verb: its name, and how requests are made from what a user gives.
 #[derive(Clone, Copy, Debug)]
 pub struct Declared {
@@ -66,9 +69,9 @@ pub struct Declared {
     /// Adds the fields as options to a command.
     pub augment: fn(Command) -> Command,
     /// Makes the request from parsed options.
-    pub from_matches: fn(&ArgMatches) -> std::result::Result<Box<dyn AnyVerb>, clap::Error>,
+    pub from_matches: fn(&ArgMatches) -> std::result::Result<AnyRequest, clap::Error>,
     /// Makes the request from fields by name, as [`from_json`].
-    pub from_json: fn(Map<String, Value>) -> Result<Box<dyn AnyVerb>>,
+    pub from_json: fn(Map<String, Value>) -> Result<AnyRequest>,
     /// The purpose and the fields, as [`signature`].
     pub signature: fn() -> (String, Vec<Parameter>),
 }

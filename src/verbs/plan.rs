@@ -176,6 +176,9 @@ pub struct Prediction {
     pub trials: Value,
 }
 
+/// The prediction of a checked request, from runs on the twin.
+type Predicts<'a> = Box<dyn FnOnce(&Trials<'_>) -> Result<Prediction> + 'a>;
+
 impl Planned {
     /// Predicts photos, time and error of the verb on a virtual rig, from `trials` runs on the rig's twin, each with different noise. A
     /// compensation can be predicted by every method, at equal numbers of photos and at equal numbers of frames.
@@ -191,7 +194,7 @@ impl Planned {
         let rig = lab.rig().ok_or_else(|| lab.is_no_rig())?;
         check_trials(trials)?;
         // Wrong options should show before anything is traced.
-        let predict: Box<dyn FnOnce(&Trials<'_>) -> Result<Prediction> + '_> = match self {
+        let predict: Predicts<'_> = match self {
             Self::Segment(asked) => {
                 asked.check_plan()?;
                 Box::new(|trials| {

@@ -116,10 +116,9 @@ fn relative(path: &Path, folder: &Path) -> Result<String> {
     })
 }
 
+#[cfg(unix)]
 #[cfg(test)]
 mod tests {
-    #![cfg(unix)]
-
     use super::*;
     use std::fs;
     use std::os::unix::fs::{PermissionsExt, symlink};

@@ -238,7 +238,7 @@ fn open(
     spec: &GenicamSpec,
     clock: WallClock,
 ) -> Result<Triggered<OnUsb<Arc<SimulatedCamera>>>> {
-    Triggered::start(OnUsb(Arc::clone(simulated)), &spec, clock, 41)
+    Triggered::start(OnUsb(Arc::clone(simulated)), spec, clock, 41)
 }
 
 #[test]

@@ -140,7 +140,8 @@ pub(in crate::transport) fn merge<const C: usize>(
         let direct = direct.get(now.start - mine.start..now.end - mine.start).unwrap_or_default();
         let pairs = if rig.symmetric { Pairs::Step(steps, step) } else { Pairs::Apart };
         let mut merging = Merging::new(Sources::new(chunks, rig, &now, triangle), pairs, now.start, direct);
-        let groups = if is_alone { tiles::groups(now.len()) } else { vec![0..now.len()] };
+        let groups =
+            if is_alone { tiles::groups(now.len()) } else { std::iter::once(0..now.len()).collect() };
         for group in groups {
             let pieces = merging.pieces(&group, classes);
             let is_last = group.end == now.len();

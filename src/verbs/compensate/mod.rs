@@ -267,7 +267,7 @@ impl Compensate {
             None => return Err(no_target()),
         };
         let unusable = |fault: String, help: &str| match &self.target {
-            Some(Picture::File(path)) => Error::data(&path, fault).help(help),
+            Some(Picture::File(path)) => Error::data(path, fault).help(help),
             _ => Error::option("--target", fault).help(help),
         };
         let image = match image.channels() > channels.count() {
