@@ -10,7 +10,7 @@ use crate::krylov::basis::Basis;
 
 const MAGIC: &[u8; 8] = b"KRYLUXFZ";
 const VERSION: u32 = 3;
-/// The previous version of the format, without late parts.
+/// The previous version of the format. It has no late parts.
 const EARLIER: u32 = 2;
 /// The number of floats written or read at once.
 const CHUNK: usize = 8192;
@@ -44,7 +44,7 @@ impl Factorization {
     /// Loads the state of a process of this kind that [`Factorization::save`] saved.
     ///
     /// # Errors
-    /// [`Error::Data`] if the state is damaged, of another version, or of another process.
+    /// [`Error::Data`] if the state is damaged, has another version, or belongs to another kind of process.
     pub fn load(kind: ProcessKind, reader: impl Read) -> Result<Self> {
         let mut source = Source { reader, hasher: blake3::Hasher::new() };
         let state = source.everything(kind)?;
@@ -203,7 +203,7 @@ impl<R: Read> Source<R> {
         self.u64().map(f64::from_bits)
     }
 
-    /// Reads in pieces, so that a damaged length reaches the end of the file before it exhausts the memory.
+    /// Reads in pieces, so that a file with a damaged length ends before the memory is exhausted.
     fn floats(&mut self, count: usize) -> Result<Vec<f64>> {
         let mut floats = Vec::with_capacity(count.min(CHUNK));
         let mut buffer = vec![0; 8 * CHUNK.min(count)];
