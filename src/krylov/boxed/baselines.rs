@@ -10,11 +10,10 @@ use crate::operator::Adjoint;
 /// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by
 /// `x ← clip(x + (b − A x) / D)`.
 ///
-/// The method takes one product per iteration and needs neither transpose nor symmetry. For a non-negative
-/// symmetric `A` with `D = A 1`, the step is a contraction where direct light dominates. At its fixed point
-/// the signs of `b − A x` fit the bounds, but the signs of `Aᵀ(b − A x)` need not. So it ends near the
-/// least-squares optimum but not at it, and may pass a better point. The best iterate is returned. The method
-/// stores seven `n`-vectors: `b, x`, the best `x`, `r, D`, the next `x` and a product.
+/// The method takes one product per iteration and needs neither transpose nor symmetry. For a non-negative symmetric `A` with `D = A 1`,
+/// the step is a contraction where direct light dominates. At its fixed point the signs of `b − A x` fit the bounds, but the signs of `Aᵀ(b
+/// − A x)` need not. The method therefore ends near the least-squares optimum but not at it, and may pass a better point. The best iterate
+/// is returned. The method stores seven `n`-vectors: `b, x`, the best `x`, `r, D`, the next `x` and a product.
 ///
 /// References: Projected Richardson iteration with diagonal scaling; Bertsekas and Tsitsiklis, *Parallel and
 /// Distributed Computation*, section 3.3 (1989). Its use for compensation: Grossberg, Peri, Nayar and
@@ -58,13 +57,12 @@ impl Recurrence for ProjectedJacobi {
     }
 }
 
-/// MRNSD: minimizes `½ ‖A x − b‖²` over `x ≥ 0`, for any square `A` of `n × n` with its transpose. It uses
-/// steepest descent in the metric of `1/x`, which keeps `x > 0`. It serves as a baseline.
+/// MRNSD: minimizes `½ ‖A x − b‖²` over `x ≥ 0`, for any square `A` of `n × n` with its transpose. The method is steepest descent in the
+/// metric of `1/x`, which keeps `x > 0`. It serves as a baseline.
 ///
-/// `‖r‖` falls monotonically. An iteration takes two products, `Aᵀ r` and `A s`. The method respects only
-/// `x ≥ 0` and ignores the bounds of the options. It starts from `x0`, or from `b / D`, with entries raised
-/// to be positive. The method stores seven `n`-vectors: `b, x`, the best `x`, `r, D`, a direction and a
-/// product.
+/// `‖r‖` falls monotonically. An iteration takes two products, `Aᵀ r` and `A s`. The method respects only `x ≥ 0` and ignores the bounds of
+/// the options. It starts from `x0`, or from `b / D`, and raises small entries of this start, so that all are positive. The method stores
+/// seven `n`-vectors: `b, x`, the best `x`, `r, D`, a direction and a product.
 ///
 /// References: Kaufman (1993), doi:10.1109/42.232243; Nagy and Strakoš (2000), doi:10.1117/12.402439.
 pub struct Mrnsd {
@@ -86,7 +84,7 @@ impl Mrnsd {
     }
 }
 
-/// Raises entries of the first iterate to a share of the largest, because an entry that is zero stays zero.
+/// Raises small entries of the first iterate to a share of the largest entry, because an entry that is zero stays zero.
 fn make_positive(x: &mut [f64]) {
     let largest = x.iter().copied().fold(0.0, f64::max);
     let floor = if largest > 0.0 { 1e-3 * largest } else { 1.0 };
@@ -137,9 +135,9 @@ impl Recurrence for Mrnsd {
 /// The image space reconstruction algorithm: minimizes `‖A x − b‖` over `x ≥ 0`, for a square `A ≥ 0` of
 /// `n × n` with its transpose and `b ≥ 0`, by `x ← x ∘ (Aᵀb) / (AᵀA x)`. It serves as a baseline.
 ///
-/// `‖r‖` falls monotonically for non-negative `A` and `b`. The method first takes one product with `Aᵀ`, then
-/// two per iteration, `A x` and `Aᵀ(A x)`. It respects only `x ≥ 0` and ignores the bounds of the options.
-/// The method stores eight `n`-vectors: `b, x`, the best `x`, `r, D, Aᵀb, A x` and a product.
+/// `‖r‖` falls monotonically for non-negative `A` and `b`. The method first takes one product with `Aᵀ`, and then two products per
+/// iteration, `A x` and `Aᵀ(A x)`. It respects only `x ≥ 0` and ignores the bounds of the options. The method stores eight `n`-vectors: `b,
+/// x`, the best `x`, `r, D, Aᵀb, A x` and a product.
 ///
 /// References: Daube-Witherspoon and Muehllehner (1986), doi:10.1109/TMI.1986.4307748; Lee and Seung's
 /// updates (2001) for one factor.
