@@ -4,9 +4,9 @@
 //! |---|---|---|
 //! | [`checkerboards`] | `shifts²` | exact if global light does not resolve the squares |
 //! | [`sinusoids`] | 3 or more per direction | exact if global light does not resolve the waves |
-//!  [`codes`] | 4, 8, 16, … | light of near pixels cancels; other global light is in the standard errors |
+//! | [`codes`] | 4, 8, 16, … | light of near pixels cancels; other global light is in the standard errors |
 //! | [`random_patterns`] | any number | unbiased; the noise falls as `1/√photos` |
-//!  [`from_capture`] | the white photo | approximate, from the photos of a Krylov capture |
+//! | [`from_capture`] | the white photo | approximate, from the photos of a Krylov capture |
 //!
 //! The first two methods are by Nayar, Krishnan, Grossberg and Raskar, *Fast separation of direct and global components of a scene using
 //! high frequency illumination* (2006), doi:10.1145/1141911.1141977. They fail where global light is sharp, as with a mirror. The other
