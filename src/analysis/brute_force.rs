@@ -1,5 +1,4 @@
-//! Measures the transport matrix with one photo per column, as a reference for all other methods on a small
-//! rig.
+//! Measures the transport matrix with one photo per column, as a reference for all other methods on a small rig.
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;

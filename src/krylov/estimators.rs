@@ -1,9 +1,7 @@
-//! Randomized estimators that use a few products with random vectors: low-rank approximations, traces and the
-//! diagonal.
+//! Randomized estimators that use a few products with random vectors: low-rank approximations, traces and the diagonal.
 //!
-//! Every estimator takes a seed and a number of products that is known in advance, and returns an error
-//! estimate. The vectors depend only on the seed, so a journal of products repeats the same result after a
-//! failure.
+//! Every estimator takes a seed and a number of products that is known in advance, and returns an error estimate. The vectors depend only
+//! on the seed, so a journal of products repeats the same result after a failure.
 //!
 //! | estimator | products | needs |
 //! |---|---|---|
@@ -149,12 +147,10 @@ fn combine(basis: &Basis, s: &[f64]) -> Vec<f64> {
 /// The estimate is unbiased. The variance of one sample is `2 Σ_{i≠j} ((A_ij + A_ji)/2)²`, so the estimate is
 /// exact for a diagonal `A`. The standard error falls as `1/√products`.
 ///
-/// References: Hutchinson, *A stochastic estimator of the trace of the influence matrix* (1989),
-/// doi:10.1080/03610918908812806.
+/// References: Hutchinson, *A stochastic estimator of the trace of the influence matrix* (1989), doi:10.1080/03610918908812806.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `A` is not square; [`Error::Numerical`] for
-/// NaN; the error of a product.
+/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `A` is not square; [`Error::Numerical`] for NaN; the error of a product.
 pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<Estimate> {
     let n = square(operator)?;
     at_least(products, 2, "--photos")?;
@@ -170,8 +166,7 @@ pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Re
 /// of the result. For a positive semidefinite `A` the relative error falls as `1/products`, against `1/√products` for Hutchinson's estimate
 /// alone. The estimate is unbiased for any `A`. Fails with the errors of [`hutchinson`].
 ///
-/// References: Meyer, Musco, Musco and Woodruff, *Hutch++: optimal stochastic trace estimation* (2021),
-/// doi:10.1137/1.9781611976496.16.
+/// References: Meyer, Musco, Musco and Woodruff, *Hutch++: optimal stochastic trace estimation* (2021), doi:10.1137/1.9781611976496.16.
 pub fn hutch_plus_plus(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<Estimate> {
     let n = square(operator)?;
     at_least(products, 6, "--photos")?;
@@ -206,15 +201,12 @@ pub struct DiagonalEstimate {
     pub products: usize,
 }
 
-/// Estimates the diagonal of `A` (`n × n`) as the mean of `ω ∘ Aω` over `products ≥ 2` vectors `ω` of random
-/// signs.
+/// Estimates the diagonal of `A` (`n × n`) as the mean of `ω ∘ Aω` over `products ≥ 2` vectors `ω` of random signs.
 ///
-/// Entry `i` of a sample has the variance `Σ_{j≠i} A_ij²`. The estimate is therefore exact for a diagonal
-/// `A`, and good for a transport matrix with mostly direct light. The standard error falls as `1/√products`.
-/// Fails with the errors of [`hutchinson`].
+/// Entry `i` of a sample has the variance `Σ_{j≠i} A_ij²`. The estimate is therefore exact for a diagonal `A`, and good for a transport
+/// matrix with mostly direct light. The standard error falls as `1/√products`. Fails with the errors of [`hutchinson`].
 ///
-/// References: Bekas, Kokiopoulou and Saad, *An estimator for the diagonal of a matrix* (2007),
-/// doi:10.1016/j.apnum.2007.01.003.
+/// References: Bekas, Kokiopoulou and Saad, *An estimator for the diagonal of a matrix* (2007), doi:10.1016/j.apnum.2007.01.003.
 pub fn diagonal(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<DiagonalEstimate> {
     let n = square(operator)?;
     at_least(products, 2, "--photos")?;
@@ -222,8 +214,7 @@ pub fn diagonal(operator: &mut dyn Operator, products: usize, seed: u64) -> Resu
     let mut taken = 0.0;
     each_product(operator, &signs(n, products, seed), |probe, photo| {
         taken += 1.0;
-        // Welford's update, doi:10.1080/00401706.1962.10490022, avoids cancellation where the diagonal is
-        // large.
+        // Welford's update, doi:10.1080/00401706.1962.10490022, avoids cancellation where the diagonal is large.
         for (i, (sign, value)) in probe.iter().zip(&photo).enumerate() {
             let sample = sign * value;
             let before = sample - mean[i];
@@ -245,8 +236,7 @@ pub struct RandomizedSvd {
     pub left: Vec<Vec<f64>>,
     /// `W`: one orthonormal vector of length `cols` for each value.
     pub right: Vec<Vec<f64>>,
-    /// An estimate of `‖A − Q QᵀA‖_F²`, the squared Frobenius norm of the part of `A` outside the whole
-    /// sketch (`l` vectors).
+    /// An estimate of `‖A − Q QᵀA‖_F²`, the squared Frobenius norm of the part of `A` outside the whole sketch (`l` vectors).
     pub missed_square: Estimate,
     /// The number of products with `A` and `Aᵀ` together.
     pub products: usize,
@@ -255,15 +245,13 @@ pub struct RandomizedSvd {
 /// Computes the leading singular values and vectors of `A` (`rows × cols`) from a random sketch. `Q` is an orthonormal basis of `(A Aᵀ)^q A
 /// Ω`, where the columns of `Ω` are `l` vectors of random signs. A small decomposition of `QᵀA` follows.
 ///
-/// If the singular values decay, the expected error is the error of the best rank-`k` approximation times a
-/// factor near 1. If they do not, a round of subspace iteration (`power`) helps and costs `2 l` products.
-/// Each round is orthonormalized.
+/// If the singular values decay, the expected error is the error of the best rank-`k` approximation times a factor near 1. If they do not,
+/// a round of subspace iteration (`power`) helps and costs `2 l` products. Each round is orthonormalized.
 ///
 /// [`LowRankOptions`] gives the rank `k`, the width `l = k + oversampling` of the sketch, `q` and the number of probes. The function takes
 /// `2 (q + 1) l + probes` products (fewer if the sketch is rank-deficient).
 ///
-/// References: Halko, Martinsson and Tropp, *Finding structure with randomness* (2011),
-/// doi:10.1137/090771806.
+/// References: Halko, Martinsson and Tropp, *Finding structure with randomness* (2011), doi:10.1137/090771806.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--rank` or `--probes`; [`Error::Numerical`] for NaN; the error of a product.

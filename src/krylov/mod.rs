@@ -23,9 +23,8 @@
 //! Results are bitwise equal from run to run and for any number of threads: sums are taken over fixed blocks
 //! of rows and added in the order of the rows.
 //!
-//! The observer of the operator ([`Operator::observer`](crate::operator::Operator::observer)) sees each step,
-//! and may stop the method. The methods follow O'Toole and Kutulakos, *Light Transport Analysis by Krylov
-//! Subspace Illumination*, sections 3 and 4.
+//! The observer of the operator ([`Operator::observer`](crate::operator::Operator::observer)) sees each step, and may stop the method. The
+//! methods follow O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, sections 3 and 4.
 
 mod basis;
 mod boxed;

@@ -20,8 +20,7 @@ use crate::operator::Adjoint;
 /// when it points uphill. The method stores eleven `n`-vectors: `b, x`, the best `x`, `r, D, y`, the last `x`, two residuals and two work
 /// vectors.
 ///
-/// References: Beck and Teboulle (2009), doi:10.1137/080716542; restart: O'Donoghue and Candès (2015),
-/// doi:10.1007/s10208-013-9150-3.
+/// References: Beck and Teboulle (2009), doi:10.1137/080716542; restart: O'Donoghue and Candès (2015), doi:10.1007/s10208-013-9150-3.
 pub struct Fista {
     boxed: Boxed,
     y: Vec<f64>,

@@ -9,16 +9,14 @@ use crate::krylov::completeness::{Recorder, Stats, Status};
 use crate::krylov::factor::{Factorization, RitzPair, Which, point_upwards};
 use crate::operator::{Operator, Symmetry, check_square};
 
-/// Power iteration, `x ← A x / ‖A x‖`, the paper's Algorithm 1: finds the eigenpair `A x = θ x` of largest
-/// magnitude of an `A` of `n × n`.
+/// Power iteration, `x ← A x / ‖A x‖`, the paper's Algorithm 1: finds the eigenpair `A x = θ x` of largest magnitude of an `A` of `n × n`.
 ///
 /// The product that makes the next vector also gives the Rayleigh quotient `θ = xᵀA x` and the residual `A x − θ x`, so neither costs a
 /// further product. The result is the vector before the last product. Each product multiplies the error by `|λ₂/λ₁|`. Lanczos converges
 /// faster, at a rate of about `2 √gap`. Known vectors are projected out of every product.
 ///
-/// The method stores four vectors of `n`. `which` must be [`Which::LargestMagnitude`], or
-/// [`Which::LargestAlgebraic`] if the dominant eigenvalue is known to be positive (as for a matrix without
-/// negative entries: Perron). `count` must be 1.
+/// The method stores four vectors of `n`. `which` must be [`Which::LargestMagnitude`], or [`Which::LargestAlgebraic`] if the dominant
+/// eigenvalue is known to be positive (as for a matrix without negative entries: Perron). `count` must be 1.
 ///
 /// O'Toole and Kutulakos, doi:10.1145/1882261.1866165, Algorithm 1.
 pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {

@@ -168,8 +168,7 @@ impl<R: Read> Source<R> {
         })
     }
 
-    /// Reads the late parts of the last of `total` columns. The columns after the first `used` wait for their
-    /// products.
+    /// Reads the late parts of the last of `total` columns. The columns after the first `used` wait for their products.
     fn late(&mut self, used: usize, total: usize) -> Result<Vec<f64>> {
         let length = self.u64()?;
         if length != 0 && (length != total as u64 - 1 || used == total) {

@@ -140,9 +140,8 @@ pub struct Lsqr {
 }
 
 impl Lsqr {
-    /// Makes the state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0`
-    /// and `preconditioner` of the options. Fails with the errors of
-    /// [`Cg::solver`](crate::krylov::linear::Cg::solver).
+    /// Makes the state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0` and `preconditioner` of the
+    /// options. Fails with the errors of [`Cg::solver`](crate::krylov::linear::Cg::solver).
     pub fn solver(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let system = System::split("LSQR", true, cols, b, options)?;
         let recurrence = Self {
@@ -235,8 +234,7 @@ struct ResidualNorm {
 }
 
 impl ResidualNorm {
-    /// Computes the next `‖r‖`, with `β̂ = c β̈`, `β̈ ← −s β̈`, `θ̄`, `ρ̄`, `ζ_{k−1}` and `ζ_k` of this
-    /// iteration.
+    /// Computes the next `‖r‖`, with `β̂ = c β̈`, `β̈ ← −s β̈`, `θ̄`, `ρ̄`, `ζ_{k−1}` and `ζ_k` of this iteration.
     fn advance(&mut self, (c, s): (f64, f64), theta_bar: f64, rho_bar: f64, zetas: (f64, f64)) -> f64 {
         let beta_hat = c * self.beta_dd;
         self.beta_dd *= -s;
@@ -252,9 +250,8 @@ impl ResidualNorm {
 }
 
 impl Lsmr {
-    /// Makes the state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0`
-    /// and `preconditioner` of the options. Fails with the errors of
-    /// [`Cg::solver`](crate::krylov::linear::Cg::solver).
+    /// Makes the state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0` and `preconditioner` of the
+    /// options. Fails with the errors of [`Cg::solver`](crate::krylov::linear::Cg::solver).
     pub fn solver(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let system = System::split("LSMR", true, cols, b, options)?;
         let recurrence = Self {

@@ -139,9 +139,8 @@ pub struct Minres {
 }
 
 impl Minres {
-    /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to
-    /// judge symmetry, `noise` of the options. Fails with the errors of
-    /// [`Cg::solver`](crate::krylov::linear::Cg::solver).
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge symmetry, `noise` of the
+    /// options. Fails with the errors of [`Cg::solver`](crate::krylov::linear::Cg::solver).
     pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let zero = vec![0.0; b.len()];
         let system = System::split("MINRES", true, b.len(), b, options)?;
