@@ -1,5 +1,5 @@
-//! Findings about a bench or about a result. Only findings decide the colour of a page, the exit status of a verb, and the sentence that a
-//! bench can be used.
+//! Findings about a bench or a result. Only findings decide the colour of a page, the exit status of a verb, and whether a bench can be
+//! used.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -44,7 +44,7 @@ pub struct Finding {
     pub name: Cow<'static, str>,
     /// The seriousness of the finding.
     pub grade: Grade,
-    /// The measured value, if the grade follows from one.
+    /// The measured value, if the grade follows from a measured value.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub value: Option<f64>,
     /// The standard error of the value.
@@ -428,7 +428,7 @@ mod tests {
             (0..1000).map(measured).filter(|&is_measured| is_measured).count()
         };
         // With noise alone, a sum of 64 squares exceeds 64 + 3 √128 in 4 of 1000 cases (χ²). With light as strong as noise, the sum exceeds
-        // it in 945 cases; with light of 1.5 times that strength, in all but 1e-5 (noncentral χ²). The bounds are four deviations of such
+        // this value in 945 cases; with light 1.5 times as strong, in all but 1e-5 (noncentral χ²). The bounds are four deviations of such
         // counts.
         let [noise, faint, light] = [0.0, 1.0, 1.5].map(found);
         assert!(noise <= 12 && (916..=974).contains(&faint) && light == 1000, "{noise} {faint} {light}");

@@ -237,8 +237,7 @@ pub(crate) fn product(operator: &mut dyn Operator, x: &[f64]) -> Result<Vec<f64>
     Ok(y)
 }
 
-/// Applies `before` to each of `xs`, multiplies the results with `operator` as a block, and lets `after` write each `y` from `x` and the
-/// product.
+/// Applies `before` to each of `xs`, multiplies the results as a block, and lets `after` write each `y` from `x` and the product.
 pub(crate) fn between(
     operator: &mut dyn Operator,
     (xs, ys): (&[&[f64]], &mut [&mut [f64]]),

@@ -184,8 +184,7 @@ pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) ->
     Ok(Separation {
         direct: estimate.values,
         global,
-        // The errors of the direct light, from all patterns, also serve for the global light. The white photo only adds the noise of one
-        // photo.
+        // The errors of the direct light, from all patterns, also serve for the global light. The white photo has the noise of one photo.
         global_error: Some(estimate.standard_errors.clone()),
         standard_error: Some(estimate.standard_errors),
         photos: estimate.products + 1,

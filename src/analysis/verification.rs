@@ -17,8 +17,8 @@ pub struct Predicted {
     pub own: f64,
     /// The norm of the errors that the result states: a residual, or the part of the light that its photos do not determine.
     pub stated: f64,
-    /// True if the result was computed from a frozen matrix. Such a result fits the noise of the matrix, so its errors have a part of
-    /// second order.
+    /// True if the result was computed from a frozen matrix. It then fits the noise of the matrix, so its errors have a part of second
+    /// order.
     pub is_frozen: bool,
     /// [`EstimatedProduct::signs`], if the errors of the photo are random samples of its noise.
     pub signs: Option<f64>,
@@ -333,8 +333,8 @@ mod tests {
             let right: Vec<Option<usize>> = truth.iter().copied().map(Some).collect();
             let shuffled: Vec<Option<usize>> = (0..600).map(|_| Some(random.random_range(0..3))).collect();
             let of_right = Grouped::new(&right, &weights, &claimed, &seen);
-            // Half a unit of noise moves a pixel to a neighbouring group in a third of all cases, and half as often in the first and the
-            // last group.
+            // Half a unit of noise moves a pixel to a neighbouring group in a third of all cases, and in a sixth in the first and the last
+            // group.
             assert!((0.7..0.85).contains(&of_right.agreement), "{of_right:?}");
             refuted[0] += usize::from(of_right.is_refuted());
             refuted[1] += usize::from(Grouped::new(&shuffled, &weights, &claimed, &seen).is_refuted());

@@ -206,9 +206,9 @@ pub(super) fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
     update(y, x, |y, x| y + alpha * x);
 }
 
-/// If the remainder of a pass has more than this share of the norm before the pass, it is orthogonal to working precision. Otherwise
-/// cancellation has amplified the rounding errors, and another pass may be needed. 1/√2 is the choice of Daniel, Gragg, Kaufman and
-/// Stewart, *Reorthogonalization and stable algorithms for updating the Gram–Schmidt QR factorization*, Math. Comp. 30 (1976),
+/// If the remainder of a pass has more than this share of the norm before the pass, the remainder is orthogonal to working precision.
+/// Otherwise cancellation has amplified the rounding errors, and another pass may be needed. 1/√2 is the choice of Daniel, Gragg, Kaufman
+/// and Stewart, *Reorthogonalization and stable algorithms for updating the Gram–Schmidt QR factorization*, Math. Comp. 30 (1976),
 /// doi:10.1090/S0025-5718-1976-0431641-8.
 pub(super) const ENOUGH_LEFT: f64 = std::f64::consts::FRAC_1_SQRT_2;
 

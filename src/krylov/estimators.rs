@@ -118,8 +118,8 @@ fn adjoint_products(operator: &mut dyn Adjoint, ys: &[Vec<f64>]) -> Result<Vec<V
     Ok(xs)
 }
 
-/// Factors `Q R = Y`. Returns an orthonormal basis `Q` of the span, without dependent vectors, and the coefficients of each vector on the
-/// basis vectors so far.
+/// Factors `Q R = Y`. Returns an orthonormal basis `Q` without dependent vectors, and each vector's coefficients on the basis vectors so
+/// far.
 fn orthonormal(vectors: &[Vec<f64>], rows: usize) -> (Basis, Vec<Vec<f64>>) {
     let mut basis = Basis::new(rows);
     let mut coefficients = Vec::with_capacity(vectors.len());

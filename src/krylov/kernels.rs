@@ -39,8 +39,7 @@ macro_rules! widest {
     }};
 }
 
-/// Evaluates a call for each group of columns. The call receives the columns cut to the rows of a block, and the index of the group's first
-/// column.
+/// Evaluates a call for each group of columns, cut to the rows of a block. The call also receives the index of the group's first column.
 macro_rules! in_groups {
     ($columns:ident, $start:expr, $rows:expr, |$first:ident, $group:ident| $call:expr) => {{
         let (eights, rest) = $columns.as_chunks::<TOGETHER>();

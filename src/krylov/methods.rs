@@ -119,8 +119,7 @@ impl Method {
     /// Makes the method's state before its first step, for `b` and `x` of length `cols`.
     ///
     /// # Errors
-    /// The errors of the method's `new`. [`Error::Dimension`] if the method is for square systems and `cols` differs from the length of
-    /// `b`.
+    /// The errors of the method's `new`. [`Error::Dimension`] if the method is for square systems and `b` does not have the length `cols`.
     pub fn solver(self, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
         if !matches!(self, Self::Lsqr | Self::Lsmr) {
             square(b.len(), cols)?;
@@ -131,8 +130,7 @@ impl Method {
 
 /// Solves `A x = b`, with `A` of `rows × cols` and `b` of length `rows`, by any method, within a budget of products.
 ///
-/// If a method needs `Aᵀ`, `A` must be symmetric, and the method takes products with `A` instead. For other operators, use
-/// [`solve_adjoint`].
+/// If a method needs `Aᵀ`, `A` must be symmetric, and the method multiplies by `A` instead. For other operators, use [`solve_adjoint`].
 ///
 /// # Errors
 /// The errors of [`Method::solver`] and [`solve_from`]. If an operator fails, the products taken so far are lost. To keep them, make the

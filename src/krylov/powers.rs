@@ -1,5 +1,4 @@
-//! Scaling by powers of two. Systems and operators are divided by powers of two, so that no square and no product of a few of their numbers
-//! overflows or vanishes.
+//! Systems and operators are divided by powers of two, so that no square and no product of a few of their numbers overflows or vanishes.
 //!
 //! Division by a power of two is exact. A result therefore equals, to rounding, the result of the same problem at ordinary size. Numbers of
 //! ordinary size are unchanged.
@@ -10,11 +9,10 @@ use super::singular::Singular;
 use crate::error::{Error, Result};
 use crate::operator::{Adjoint, Operator, delegate};
 
-/// Numbers from `2^-SAFE` to `2^SAFE` are of ordinary size: a product of ten of them is far from the limits of double precision, at
-/// `2^±1022`.
+/// Numbers from `2^-SAFE` to `2^SAFE` are of ordinary size: a product of ten of them is far from `2^±1022`, the limits of double precision.
 const SAFE: i32 = 96;
 
-/// The exponent of the largest power of two not above a number. It is far below all other exponents for zero, and far above them for an
+/// The exponent of the largest power of two not above a number. It is far below all other exponents for zero, and far above for an
 /// infinity.
 pub(super) fn exponent(size: f64) -> i32 {
     match size {
@@ -24,8 +22,7 @@ pub(super) fn exponent(size: f64) -> i32 {
     }
 }
 
-/// The exponent of the power of two by which numbers with this exponent are divided: 0 for numbers of ordinary size, for zero and for
-/// infinity.
+/// The exponent of the power of two that divides numbers with this exponent: 0 for numbers of ordinary size, for zero and for infinity.
 pub(super) fn power(exponent: i32) -> i32 {
     if (SAFE + 1..10_000).contains(&exponent.abs()) { exponent } else { 0 }
 }
@@ -47,8 +44,8 @@ pub(super) fn scale(values: &mut [f64], power: i32) {
     }
 }
 
-/// Computes the length of a vector. Fails with [`Error::Numerical`] if the length is not finite. The message begins with `what` and names
-/// the cause.
+/// Computes the length of a vector. Fails with [`Error::Numerical`] if it is not finite. The message begins with `what` and names the
+/// cause.
 pub(super) fn finite_norm(what: &str, vector: &[f64]) -> Result<f64> {
     let length = norm(vector);
     if length.is_finite() {

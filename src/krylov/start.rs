@@ -22,8 +22,8 @@ pub enum Start {
         /// The seed of the generator.
         seed: u64,
     },
-    /// Standard normal entries, so that no direction is preferred. Rare values in the tails depend on `ln`, whose last bit differs between
-    /// machines.
+    /// Standard normal entries, so that no direction is preferred. Rare values in the tails depend on `ln`, which differs between machines
+    /// in the last bit.
     Gaussian {
         /// The seed of the generator.
         seed: u64,
@@ -122,8 +122,8 @@ mod tests {
         assert!(vector.iter().all(|v| (0.5..1.0).contains(&v.abs())));
         let mean = vector.iter().sum::<f64>() / 1e5;
         let square = vector.iter().map(|v| v * v).sum::<f64>() / 1e5;
-        // The variance of an entry is 7/12. The variance of its square, for entries uniform in [½, 1), is 0.048. The bounds are five
-        // standard deviations.
+        // The variance of an entry is 7/12. The variance of its square, uniform in [½, 1) squared, is 0.048. The bounds are five standard
+        // deviations.
         assert!(mean.abs() < 0.0121 && (square - 7.0 / 12.0).abs() < 0.0035, "{mean} {square}");
     }
 

@@ -10,8 +10,8 @@ use rayon::prelude::*;
 use super::basis::{Basis, norm_of_square, summed};
 use super::kernels::{add_block, dot_block, dots_block, settle_block};
 
-/// The rows of a block. The blocks of eight columns (32 KiB) stay in the first-level cache, and the blocks of a hundred columns in the
-/// second-level cache.
+/// The rows of a block. Blocks of eight columns (32 KiB) stay in the first-level cache, blocks of a hundred columns in the second-level
+/// cache.
 pub(super) const ROWS: usize = 512;
 
 /// Below this length, threads cost more time than they save.

@@ -1,5 +1,4 @@
-//! Light in both directions: one operator with its transpose, made from two arrangements of the same devices; the products `AᵀA` and `A
-//! Aᵀ`.
+//! Light in both directions: an operator and its transpose from two arrangements of the same devices, and the products `AᵀA` and `A Aᵀ`.
 
 use super::{Adjoint, Direction, Operator, Symmetry, block, block_mut, delegate, product};
 use crate::error::{Error, Result};
@@ -7,8 +6,7 @@ use crate::error::{Error, Result};
 /// An operator `A` whose transpose has another source: the same scene with camera and projector exchanged. By Helmholtz reciprocity, light
 /// travels equally well from a projector's pixel to a camera's pixel and back. The second arrangement therefore photographs `Aᵀ`.
 ///
-/// The two arrangements measure light in different units. `unit` is the factor that converts from the unit of the second arrangement to the
-/// unit of the first.
+/// The two arrangements measure light in different units. `unit` is the factor that converts the second arrangement's unit to the first's.
 pub struct Exchanged<F, B> {
     forth: F,
     back: B,
@@ -123,7 +121,7 @@ pub struct Gram<'a> {
     operator: &'a mut dyn Adjoint,
     /// True for `A Aᵀ`, which acts on photos; false for `AᵀA`, which acts on patterns.
     of_photos: bool,
-    /// The largest ratio so far of the norm of a second product to the norm of its input. It limits how much a second product enlarges
+    /// The largest ratio so far of the norm of a second product to the norm of its input. It limits how much second products enlarge
     /// errors.
     gain: f64,
     errors: Vec<f64>,

@@ -1,5 +1,4 @@
-//! A preconditioner for a lens out of focus. It divides by the frequency response of a Gaussian, except at frequencies that the lens
-//! removes.
+//! A preconditioner for a lens out of focus. It divides by the frequency response of a Gaussian, except at frequencies that are lost.
 //!
 //! ```text
 //! M = D^½ K D^½,    K = C diag(k_μ k_ν) Cᵀ,    k_μ = Σ_j κ_j cos(π j μ / N)

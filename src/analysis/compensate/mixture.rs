@@ -188,7 +188,7 @@ mod tests {
         let resolution = Resolution::new(48, 40);
         let n = resolution.pixels();
         let white: Vec<f64> = (0..n).map(|i| 0.5 + 0.01 * (i % 7) as f64).collect();
-        // The truth is a member of the model's family: the sharper blur at the left, the wider blur at the right, and half of each in the
+        // The truth belongs to the model's family: the sharper blur at the left, the wider blur at the right, and half of each in the
         // middle.
         let truth = |x: &[f64]| -> Vec<f64> {
             let [sharp, wide] = [0.75, 2.0].map(|width| Gaussian::new(resolution, width).apply(x));

@@ -107,8 +107,8 @@ pub struct Prior {
     pub crosstalk: Option<Crosstalk>,
     /// The number of photos taken to obtain this knowledge.
     pub photos: usize,
-    /// The first pattern of the methods, one plane per channel. By default, methods start from black, or from the target divided by the
-    /// white photo.
+    /// The first pattern of the methods, one plane per channel. By default, methods start from black, or from the target over the white
+    /// photo.
     pub start: Option<Vec<Vec<f64>>>,
 }
 

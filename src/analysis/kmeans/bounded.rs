@@ -85,8 +85,7 @@ impl Bounded<'_> {
         Some(Moves { each, farthest })
     }
 
-    /// Assigns each point to its nearest centre. `moves` holds the distances that the centres have moved. Returns true if any point changed
-    /// its group.
+    /// Assigns each point to its nearest centre. `moves` holds the centres' movements. Returns true if any point changed its group.
     fn assign(&mut self, centres: &[Vec<f64>], moves: &Moves) -> bool {
         let points = self.points;
         let bounds = self.upper.par_chunks_mut(BLOCK).zip(self.lower.par_chunks_mut(BLOCK));

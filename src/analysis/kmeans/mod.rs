@@ -82,8 +82,7 @@ fn best_start(points: &Points<'_>, options: &KmeansOptions, random: &mut Pcg64) 
     best
 }
 
-/// Lloyd's rounds from these centres. Most rounds examine only points near a border. The last round examines all points and recomputes all
-/// sums.
+/// Lloyd's rounds from these centres. Most rounds examine only points near a border; the last round examines all, and recomputes all sums.
 fn lloyd(points: &Points<'_>, mut centres: Vec<Vec<f64>>, rounds: usize) -> Clusters {
     let mut assignment = points.assign(&centres);
     let mut left = rounds;
@@ -150,8 +149,7 @@ mod tests {
         let clusters = kmeans(&columns, &weights, &KmeansOptions::new(7, 1));
         let label = |i: usize| clusters.labels[i];
         assert!((0..2100).all(|i| label(i) == label(i % 7)), "points of a ring share a label");
-        // Each circle has the radius ½ around its centre, which is nearly its mean. Each point contributes ¼, and the exact mean gives no
-        // larger sum.
+        // Each circle has the radius ½ around a centre that is nearly its mean. Each point adds ¼, and the exact mean gives no larger sum.
         assert!(
             clusters.inertia <= 0.25 * 2100.0 && clusters.inertia > 0.249 * 2100.0,
             "{}",

@@ -120,8 +120,8 @@ impl Points<'_> {
         total
     }
 
-    /// Finds the nearest centre of one point, and the squared distances to this centre and to the second nearest. The results equal those
-    /// of [`Self::assign`].
+    /// Finds the nearest centre of one point, and the squared distances to the two nearest centres. The results equal those of
+    /// [`Self::assign`].
     pub(super) fn nearest(&self, point: usize, centres: &[Vec<f64>]) -> (usize, f64, f64) {
         let (mut label, mut distance, mut second) = (0, f64::INFINITY, f64::INFINITY);
         for (cluster, centre) in centres.iter().enumerate() {

@@ -14,8 +14,7 @@ const EXTRA_PRODUCTS: usize = 40;
 /// The direct light of a channel of `n` pixels.
 #[derive(Clone, Debug)]
 pub enum DirectPart {
-    /// A diagonal of `n` values. The direct light of a coaxial pinhole rig is a diagonal, because it returns to the pixel that projected
-    /// it.
+    /// A diagonal of `n` values. A coaxial pinhole rig has one, because direct light returns to the pixel that projected it.
     Diagonal(Vec<f64>),
     /// A matrix (`n × n`).
     Matrix(Csr),

@@ -79,8 +79,7 @@ impl MethodTrial {
 }
 
 impl Planner<'_> {
-    /// Finds the best pattern with ideal devices. The peak is the default, half the median of the white photo. Fails as [`compensate`]
-    /// does.
+    /// Finds the best pattern with ideal devices, at the default peak (half the median of the white photo). Fails as [`compensate`] does.
     pub fn ideal_compensation(
         &self,
         target: &Image,

@@ -91,8 +91,7 @@ impl Capture {
         loop {
             let block = self.lanczos.as_ref().map_or(0, Factorization::block);
             let photos = self.options.photos - self.photos_of_degree;
-            // After as many rounds as the default gives each start, the capture decides whether more starts are needed. A single start
-            // stays alone.
+            // After as many rounds as the default gives each start, the capture may add starts. Further starts never join a single start.
             let stage = if block == 1 { photos } else { photos.min(ROUNDS * block) };
             let status = self.take(global, stage)?.stats.status;
             let (Some(graph), Some(lanczos)) = (&self.graph, &mut self.lanczos) else { return Ok(()) };

@@ -63,7 +63,7 @@ fn beside(
         let is_region = found.value >= KEPT;
         let scaled = found.vector.iter().zip(graph.degree()).map(|(entry, degree)| entry / degree.sqrt());
         if is_region && Embedding::would_be_local(&scaled.collect::<Vec<f64>>(), graph.degree()) {
-            // A few pixels that exchange light among themselves are not a region. The search continues on the complement of their
+            // A few pixels that exchange light among themselves are not a region. The search continues on the complement of this
             // eigenvector.
             known.push(found.vector);
             continue;

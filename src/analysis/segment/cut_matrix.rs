@@ -1,5 +1,4 @@
-//! The matrix of a cut on the graph of light exchange. Its eigenvectors of largest eigenvalue belong to the smallest eigenvalues of the
-//! cut.
+//! The matrix of a cut on the graph of light exchange. Its largest eigenvalues belong to the smallest eigenvalues of the cut.
 
 use super::graph::Graph;
 use super::options::Cut;

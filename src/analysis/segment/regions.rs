@@ -94,7 +94,7 @@ impl Regions {
             _ => None,
         };
         let unseen = levels.map_or(0, |levels| levels.saturating_sub(exact));
-        // The known eigenvalue needs no start. A single start separates eigenvalues that differ a little, and the levels of its vector show
+        // The known eigenvalue needs no start. A single start separates eigenvalues that differ a little; the levels of its vector show
         // equal ones.
         let at_least = next.is_none() || (starts > 1 && last >= starts) || (starts == 1 && last > 1);
         // An eigenvalue may still move nearer to 1 by the residual of its eigenvector.
@@ -114,7 +114,7 @@ impl Regions {
         }
     }
 
-    /// Counts `more` regions that only the coordinates of the pixels show. Copies of eigenvalues are then missing, so there may be further
+    /// Counts `more` regions that only the coordinates of the pixels show. Copies of eigenvalues are then missing; there may be further
     /// regions.
     pub(super) fn divide(&mut self, more: usize) {
         self.count += more;

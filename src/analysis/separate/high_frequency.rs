@@ -111,8 +111,8 @@ impl Sums {
     fn line(&self, count: f64) -> [f64; 4] {
         let spread = self.pp - self.p * self.p / count;
         if spread <= 1e-9 * count {
-            // If the pattern never changed, nothing can be separated. All light then counts as direct, with a standard error of the same
-            // size.
+            // If the pattern never changed, nothing can be separated. All light then counts as direct, with an equally large standard
+            // error.
             let direct = self.y / self.p.max(f64::MIN_POSITIVE);
             return [direct, 2.0 * (self.y - direct * self.p) / count, direct.abs(), direct.abs()];
         }

@@ -177,14 +177,13 @@ impl Recurrence for KrylovBox {
 /// The largest number of iterations. The loop ends earlier when the iterate settles.
 const ITERATIONS: usize = 400;
 
-/// The iteration ends at a relative step below this value. The iterate is photographed next, and the photo corrects larger errors than
-/// this.
+/// The iteration ends at a relative step below this value. The iterate is photographed next, and the photo corrects larger errors.
 const SETTLED: f64 = 1e-6;
 
 /// The largest number of steps of a power iteration.
 const POWERS: usize = 12;
 
-/// A power iteration ends when its norm grows by at most this factor per step. The norms never fall, and [`MARGIN`] covers their further
+/// A power iteration ends when its norm grows by at most this factor per step. Norms never fall, and [`MARGIN`] covers their further
 /// growth.
 const GROWTH: f64 = 1.001;
 
@@ -225,8 +224,7 @@ impl SecantModel {
         predicted
     }
 
-    /// Minimizes with a symmetric model, and reads patterns and products once per iteration. All vectors are in the coordinates
-    /// `u = D^½ x`.
+    /// Minimizes with a symmetric model. Reads patterns and products once per iteration. All vectors are in the coordinates `u = D^½ x`.
     fn minimize_symmetric(&self, work: &mut WorkVectors, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
         let WorkVectors { u, y: before, g: constant, dominant, .. } = work;
         let lipschitz = self.lipschitz_symmetric(dominant, before);

@@ -77,7 +77,7 @@ impl Boxed {
         Ok((system, boxed))
     }
 
-    /// Takes the white photo if `D` is not known yet, which costs one product. Returns true if this call took the photo, which is then in
+    /// Takes the white photo if `D` is not known yet: one product. Returns true if this call took the photo, which is then in
     /// `system.work`.
     fn take_diagonal(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<bool> {
         if !self.diagonal.is_empty() {

@@ -111,8 +111,8 @@ impl SecantModel {
         }
     }
 
-    /// Computes `product ← M̂ D M̂ y` and `image ← M̂ y` for the rows of one block, which begins at `start`. `image` must hold `θ y` before
-    /// the call.
+    /// Computes `product ← M̂ D M̂ y` and `image ← M̂ y` for the rows of one block from row `start`. `image` must hold `θ y` before the
+    /// call.
     fn product_of_rows(&self, of: &Coefficients, start: usize, image: &mut [f64], product: &mut [f64]) {
         for (basis, once, twice) in [(&self.products, &of.c, &of.c_next), (&self.patterns, &of.e, &of.e_next)]
         {
@@ -219,7 +219,7 @@ impl InnerProducts {
     }
 }
 
-/// Appends a column at the right and a row below. The row is `row`, whose last entry is the corner. If `row` is `None`, the row equals the
+/// Appends a column at the right and a row below. The row is `row`, which ends with the corner. If `row` is `None`, the row equals the
 /// column.
 fn append(matrix: &mut Vec<Vec<f64>>, column: Vec<f64>, row: Option<Vec<f64>>) {
     for (row, entry) in matrix.iter_mut().zip(&column) {

@@ -224,8 +224,7 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     Ok(found)
 }
 
-/// If every residual is within this factor of its target, products are taken one by one, because a few products seldom reduce a residual by
-/// more.
+/// Products are taken one by one if every residual is within this factor of its target, because a few products seldom gain a larger factor.
 const NEAR: f64 = 1e3;
 
 /// Continues the search of [`eigs()`] from a factorization. `options.products` includes the products already in the factorization.
@@ -304,8 +303,7 @@ fn is_near(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> bool {
     pairs.len() >= options.count && pairs.iter().all(|pair| pair.residual <= NEAR * target.max(pair.rounding))
 }
 
-/// Returns the status to end with if these pairs need no further product, and `None` otherwise. `scale` and `n` are the norm and the rows
-/// of the operator.
+/// The status to end with if these pairs need no further product, else `None`. `scale` and `n` are the norm and the rows of the operator.
 fn good_enough(pairs: &[RitzPair], options: &EigsOptions, (scale, n): (f64, usize)) -> Option<Status> {
     if pairs.len() < options.count {
         return None;

@@ -20,8 +20,8 @@ pub use step::Step;
 pub enum ProcessKind {
     /// A Lanczos factorization of a symmetric operator `A` of `n × n`, with full reorthogonalization.
     ///
-    /// After `m` steps, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric tridiagonal (diagonal `α`, off-diagonal `β`) and `v` the next
-    /// basis vector,
+    /// After `m` steps, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric tridiagonal (diagonal `α`, off-diagonal `β`) and `v` the
+    /// next basis vector,
     ///
     /// ```text
     /// A V = V T + β_m v e_mᵀ,    VᵀV = I,    Vᵀv = 0,    QᵀV = 0
@@ -31,8 +31,8 @@ pub enum ProcessKind {
     /// of `A`, the process sees `A` only on the orthogonal complement of `Q`. A further copy of one of their eigenvalues then appears as a
     /// simple eigenvalue.
     ///
-    /// A step takes exactly one product. If the product fails, the factorization is bitwise unchanged and the step can be taken again. Storage:
-    /// `m + 1 + k` vectors of `n` for `k` known vectors, and one work vector.
+    /// A step takes exactly one product. If the product fails, the factorization is bitwise unchanged and the step can be taken again.
+    /// Storage: `m + 1 + k` vectors of `n` for `k` known vectors, and one work vector.
     ///
     /// Reorthogonalization computes the coefficients of `A v_j` on all basis vectors, and the process keeps these coefficients. If `A` is
     /// symmetric, the coefficients outside the tridiagonal are zero to rounding. Otherwise they measure the asymmetry
@@ -44,8 +44,8 @@ pub enum ProcessKind {
     Lanczos = 1,
     /// A block Lanczos factorization of a symmetric operator `A` of `n × n`, with full reorthogonalization.
     ///
-    /// After `m` steps from a block of `b` vectors, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric with `b` diagonals beside the
-    /// main one, and `W` the `p ≤ b` waiting vectors,
+    /// After `m` steps from a block of `b` vectors, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric with `b` diagonals on each
+    /// side of the main diagonal, and `W` the `p ≤ b` waiting vectors,
     ///
     /// ```text
     /// A V = V T + W B,    [V W]ᵀ[V W] = I,    Qᵀ[V W] = 0
@@ -79,9 +79,9 @@ pub enum ProcessKind {
     ///
     /// A breakdown, `h_{m+1,m} = 0`, is harmless: `V` is invariant, its Ritz pairs are eigenpairs, and the process continues from a random
     /// vector. The process stores `m + 1 + k` vectors of `n` for `k` known vectors, and one work vector.
-    ///
     /// References: Arnoldi, *The principle of minimized iterations in the solution of the matrix eigenvalue problem* (1951),
-    /// doi:10.1090/qam/42792; Saad, *Numerical Methods for Large Eigenvalue Problems*, chapter 6, doi:10.1137/1.9781611970739. With photos for
+    /// doi:10.1090/qam/42792; Saad, *Numerical Methods for Large Eigenvalue Problems*, chapter 6, doi:10.1137/1.9781611970739. With photos
+    /// for products: O'Toole and Kutulakos, sections 3 and 4.
     /// products: O'Toole and Kutulakos, sections 3 and 4.
     Arnoldi = 3,
 }

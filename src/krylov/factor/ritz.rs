@@ -90,8 +90,8 @@ pub struct RitzPair {
     pub value: f64,
     /// The imaginary part of `θ`; 0 for a symmetric operator.
     pub imaginary: f64,
-    /// `‖A y − θ y‖₂` for `‖y‖ = 1`, from the products already taken. For a symmetric operator it is `|β_m s_m|`, for a general one
-    /// `|h_{m+1,m} s_m|`.
+    /// `‖A y − θ y‖₂` for `‖y‖ = 1`, from the products already taken. It is `|β_m s_m|` (symmetric) or `|h_{m+1,m} s_m|` (general
+    /// operator).
     pub residual: f64,
     /// The distance from `θ` to the nearest other Ritz value, minus the residual of that Ritz value. It estimates the gap between `θ` and
     /// the other eigenvalues, as far as the subspace shows them. It is infinite if there is no other Ritz value, and 0 for a general

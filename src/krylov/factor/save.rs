@@ -20,17 +20,17 @@ impl Factorization {
     ///
     /// All processes use the same format. Numbers are little endian, floats IEEE 754 binary64:
     ///
-    /// | bytes | what |
+    /// | bytes | content |
     /// |---|---|
     /// | 8 | `KRYLUXFZ` |
     /// | u32 | version, 3 |
     /// | u32 | kind: 1 Lanczos, 2 block Lanczos, 3 Arnoldi |
     /// | u64 × 7 | `n`, known vectors `k`, block size, columns `k + m + p`, steps `m`, products, random vectors drawn |
-    /// | f64 × 2 | the largest `‖A v_j‖`; a bound on what restarts discarded |
-    /// | `m` times | u64 count, as many f64: the coefficients of `A v_j` on `Q, v_1, …`; f64: its standard error |
-    /// | u64 count, as many f64 | the parts that the last column still has along those before it (not in version 2) |
+    /// | f64 × 2 | the largest `‖A v_j‖`; a bound on the part that restarts discarded |
+    /// | `m` times | u64 count, as many f64: the coefficients of `A v_j` on `Q, v_1, …`; f64: the standard error of `A v_j` |
+    /// | u64 count, as many f64 | the parts that the last column still has along the columns before it (not in version 2) |
     /// | `(k + m + p) n` f64 | `Q`, then `v_1 … v_{m+p}`, one after the other |
-    /// | 32 | BLAKE3 of everything before |
+    /// | 32 | BLAKE3 hash of all preceding bytes |
     ///
     /// A file is accepted only if its checksum is right. A damaged length causes no large allocation.
     ///

@@ -11,7 +11,7 @@ use crate::operator::{Operator, block, block_mut};
 pub enum Step {
     /// The subspace grew by one, and can grow further.
     Extended,
-    /// The subspace grew by one, but the product was in its span. From now on, the block has one vector less.
+    /// The subspace grew by one, but the product was in the span of the basis. From now on, the block has one vector less.
     Deflated,
     /// The subspace grew by one and is now invariant (there is no residual): all its Ritz pairs are eigenpairs. The next step continues
     /// from random vectors orthogonal to the basis, and may find further copies of a repeated eigenvalue.
@@ -21,8 +21,7 @@ pub enum Step {
 }
 
 impl Factorization {
-    /// Multiplies up to `most` of the waiting vectors as one block of at most [`Operator::block_size`] vectors. The next steps use these
-    /// products.
+    /// Multiplies up to `most` of the waiting vectors, at most [`Operator::block_size`], as one block. The next steps use these products.
     pub(super) fn take_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
         let count = operator.block_size().min(most).min(self.pending());
         if count < 2 || !self.ready.is_empty() {

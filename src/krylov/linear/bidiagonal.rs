@@ -116,8 +116,7 @@ fn normalize(w: &mut [f64], other: f64, scale: &mut f64) -> f64 {
     length
 }
 
-/// LSQR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`. If there are several solutions, LSQR finds the solution nearest to
-/// the first iterate.
+/// LSQR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`. Among several solutions, it finds the nearest to the first iterate.
 ///
 /// With a symmetric positive definite `M`, the method is LSQR on `A M⁻¹`. It then still minimizes the true residual, and finds the solution
 /// that is nearest to the first iterate in the norm of `M²`.

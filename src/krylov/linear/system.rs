@@ -237,8 +237,7 @@ impl System {
         Error::check_size("the operator of a linear system", expected, found)
     }
 
-    /// Takes the residual of the first iterate if it is not known yet, which costs one product. Returns true if this call took the
-    /// residual.
+    /// Takes the residual of the first iterate if it is not known yet: one product. Returns true if this call took the residual.
     pub(crate) fn open(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
         let pending = self.pending;
         if pending {

@@ -139,8 +139,8 @@ impl GolubKahan {
         self.forth_errors.iter().chain(&self.back_errors).copied().fold(0.0, f64::max)
     }
 
-    /// Takes a product with `A`. If this product is not in the span of the left basis, also takes a product with `Aᵀ`. The process must not
-    /// be exhausted.
+    /// Takes a product with `A`, and also a product with `Aᵀ` if the first product is not in the span of the left basis. The process must
+    /// not be exhausted.
     pub(super) fn step(&mut self, operator: &mut dyn Adjoint) -> Result<()> {
         self.right.push_scaled(&self.next, self.length);
         let mut photo = vec![0.0; self.left.rows()];
@@ -250,7 +250,7 @@ impl GolubKahan {
         Ok(found)
     }
 
-    /// The standard error `‖E s‖` of a combination `s` of products with these stated errors. The noise of the options counts where it is
+    /// The standard error `‖E s‖` of a combination `s` of products with these stated errors, or with the noise of the options if it is
     /// larger.
     fn error(&self, stated: &[f64], s: &[f64], options: &SingularOptions) -> f64 {
         let squares = stated.iter().zip(s).map(|(error, s)| (error.max(options.noise) * s).powi(2));
