@@ -1,8 +1,8 @@
 //! Observers of long computations. They receive progress, messages and photos, and can stop the computation.
 //!
-//! Every long computation calls an [`Observer`]. The Krylov methods take it from their operator
-//! ([`Operator::observer`](crate::operator::Operator::observer)); the tracer and the laboratory hold one. The default everywhere is `()`,
-//! an observer that does nothing.
+//! Every long computation calls an [`Observer`]. The Krylov methods get the observer from their operator
+//! ([`Operator::observer`](crate::operator::Operator::observer)); the tracer and the laboratory store an observer. The default everywhere
+//! is `()`, an observer that does nothing.
 
 use std::cell::RefCell;
 use std::fmt;

@@ -1,9 +1,9 @@
 //! Probing: photos of a scene by a selection of its light paths.
 //!
-//! A probing matrix `Π` (`n × n`) weights each path by its first projector pixel and its last camera pixel. The probed photo is `(Π ∘ A)
-//! 1`. Let random patterns `r` have mean zero and the correlation `E[r_i r_j] = h(i − j)`. The mean of `r ∘ A r` is then the probed photo
-//! for `Π_ij = h(i − j)`: `r` is projected, and its signed values multiply the photo as a mask. No column of `A` is ever measured. Here `h`
-//! is a Gaussian of the distance in pixels, with `h(0) = 1`.
+//! A probing matrix `Π` (`n × n`) weights each path by its first projector pixel and its last camera pixel. The probed photo is
+//! `(Π ∘ A) 1`. Let random patterns `r` have mean zero and the correlation `E[r_i r_j] = h(i − j)`. The mean of `r ∘ A r` is then the
+//! probed photo for `Π_ij = h(i − j)`: `r` is projected, and its signed values multiply the photo as a mask. No column of `A` is ever
+//! measured. Here `h` is a Gaussian of the distance in pixels, with `h(0) = 1`.
 //!
 //! O'Toole, Raskar and Kutulakos, *Primal-dual coding to probe light transport* (2012), doi:10.1145/2185520.2185535.
 

@@ -96,7 +96,7 @@ fn upper_tail(z: f64) -> f64 {
 /// A judgement of the groups of a segmentation by independent light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grouped {
-    /// The share of variance between the groups: it is computed from the coordinates that independent light gives the pixels.
+    /// The share of variance that lies between the groups, for the coordinates that independent light gives the pixels.
     pub explained: f64,
     /// The largest share, in 999 of 1000 cases, for labels unrelated to the light.
     pub by_chance: f64,

@@ -427,7 +427,7 @@ mod tests {
         assert_eq!([0.1, 0.05, 0.01].map(steps), [20, 28, 62]);
         let confirm = Confirm::default();
         assert_eq!((confirm.steps(5), confirm.steps(1)), (5, 1), "as many span the space");
-        // 28 steps reach a larger share `ε`. This share needs at most 28 steps.
+        // A confirmation of 28 steps holds for a larger share `ε`, and this share needs at most 28 steps.
         let share = confirm.share_of(28, 16_384);
         assert!((0.045..0.05).contains(&share), "{share}");
         assert!(Confirm { share, ..confirm }.steps(16_384) <= 28);

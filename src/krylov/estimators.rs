@@ -40,7 +40,7 @@ impl Estimate {
     }
 }
 
-/// The options of a low-rank approximation. They fix its cost.
+/// The options of a low-rank approximation. They determine its number of products.
 #[derive(Clone, Debug)]
 pub struct LowRankOptions {
     /// The number of singular values, `k ≥ 1`. Default 10.
@@ -242,11 +242,11 @@ pub struct RandomizedSvd {
     pub products: usize,
 }
 
-/// Computes the leading singular values and vectors of `A` (`rows × cols`) from a random sketch. `Q` is an orthonormal basis of `(A Aᵀ)^q A
-/// Ω`, where the columns of `Ω` are `l` vectors of random signs. A small decomposition of `QᵀA` follows.
+/// Computes the leading singular values and vectors of `A` (`rows × cols`) from a random sketch. `Q` is an orthonormal basis of
+/// `(A Aᵀ)^q A Ω`, where the columns of `Ω` are `l` vectors of random signs. A small decomposition of `QᵀA` follows.
 ///
-/// If the singular values decay, the expected error is the error of the best rank-`k` approximation times a factor near 1. If they do not,
-/// a round of subspace iteration (`power`) helps and costs `2 l` products. Each round is orthonormalized.
+/// If the singular values decay, the expected error is the error of the best rank-`k` approximation times a factor near 1. Otherwise, a
+/// round of subspace iteration (`power`) helps and costs `2 l` products. Each round is orthonormalized.
 ///
 /// [`LowRankOptions`] gives the rank `k`, the width `l = k + oversampling` of the sketch, `q` and the number of probes. The function takes
 /// `2 (q + 1) l + probes` products (fewer if the sketch is rank-deficient).

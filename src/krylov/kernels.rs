@@ -197,8 +197,8 @@ fn add_of<const K: usize, const M: usize>(
     }
 }
 
-/// For the rows of one block, which begins at `start`, computes `Vᵀ w`, then `u ← u − V s` and `w ← w − V q`, for the coefficients `(s,
-/// q)`. The inner products with a group of columns are taken while `w` still contains the parts along this group and later groups.
+/// For the rows of one block, which begins at `start`, computes `Vᵀ w`, then `u ← u − V s` and `w ← w − V q`, for the coefficients
+/// `(s, q)`. The inner products with a group of columns are taken while `w` still contains the parts along this group and later groups.
 pub(super) fn settle_block(
     columns: &[Vec<f64>],
     by: Pair<'_>,

@@ -119,7 +119,7 @@ fn move_centres(points: &Points<'_>, assignment: &Assignment, centres: &mut [Vec
         });
         if distances.get(farthest).is_some_and(|&distance| distance > 0.0) {
             *centre = points.point(farthest);
-            // If another group is empty, it must take another point.
+            // The next empty group must take another point.
             distances[farthest] = 0.0;
         }
     }

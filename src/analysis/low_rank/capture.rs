@@ -135,9 +135,9 @@ pub fn from_products(products: Vec<Product>, direct: Vec<f64>, symmetric: bool) 
     LowRank::new(basis, photos, direct, symmetric)
 }
 
-/// Estimates unmeasured direct light as a share of the white photo, from `products` with all light. The share is the median of `θ = vᵀ D^-½
-/// A D^-½ v` over the newer half of the directions `v` of the products. Direct light dominates in these directions, because global light is
-/// smooth.
+/// Estimates unmeasured direct light as a share of the white photo, from `products` with all light. The share is the median of
+/// `θ = vᵀ D^-½ A D^-½ v` over the newer half of the directions `v` of the products. Direct light dominates in these directions, because
+/// global light is smooth.
 pub fn estimated_direct(products: &[Product], white: &[f64]) -> Result<Vec<f64>> {
     let floor = 1e-3 * white.iter().copied().fold(0.0, f64::max);
     let root: Vec<f64> = white.iter().map(|white| white.max(floor).sqrt()).collect();

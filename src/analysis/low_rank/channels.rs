@@ -129,8 +129,8 @@ pub struct ErrorRow {
 
 /// The error of the model truncated to each rank, given `‖G‖_F` of the captured matrix (without direct light).
 ///
-/// The errors need no product. In the Frobenius norm, `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`. For a symmetric `G` and `T = QᵀW`, `‖G − G_k‖² = ‖G‖² −
-/// 2‖W‖² + ‖T‖²`.
+/// The errors need no product. In the Frobenius norm, `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`. For a symmetric `G` and `T = QᵀW`,
+/// `‖G − G_k‖² = ‖G‖² − 2‖W‖² + ‖T‖²`.
 pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
     let total = frobenius * frobenius;
     // Without global light, the model is exact.

@@ -50,8 +50,8 @@ impl Cut {
         }
     }
 
-    /// A bound on the residual of the normalized known vector `q`, without a photo. Let `e = D 1 − W 1 ≥ 0`, with `e ≤ D 1` and `Σ e ≤
-    /// leak`. Then `‖N q − q‖² = Σ e_i²/d_i / Σ d ≤ leak / Σ d`, and `‖(W − D) q‖ ≤ leak / √m`.
+    /// A bound on the residual of the normalized known vector `q`, without a photo. Let `e = D 1 − W 1 ≥ 0`, with `e ≤ D 1` and
+    /// `Σ e ≤ leak`. Then `‖N q − q‖² = Σ e_i²/d_i / Σ d ≤ leak / Σ d`, and `‖(W − D) q‖ ≤ leak / √m`.
     pub fn known_residual(self, graph: &Graph) -> f64 {
         match self {
             Self::Normalized => (graph.leak() / graph.degree().iter().sum::<f64>()).sqrt(),

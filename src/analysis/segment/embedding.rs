@@ -1,8 +1,8 @@
 //! The coordinates of pixels in the space of eigenvectors. K-means groups the pixels by these coordinates.
 //!
-//! A pixel's coordinates are its entries in the eigenvectors `u` (`uᵀ W u = 1`, where `W` holds the pixels' weights), each divided by `√(1
-//! − λ)`. Distances between pixels are then commute times: the time that light takes from one pixel to another and back (Qiu and Hancock,
-//! 2007, doi:10.1109/TPAMI.2007.1103).
+//! A pixel's coordinates are its entries in the eigenvectors `u` (`uᵀ W u = 1`, where `W` holds the pixels' weights), each divided by
+//! `√(1 − λ)`. Distances between pixels are then commute times: the time that light takes from one pixel to another and back (Qiu and
+//! Hancock, 2007, doi:10.1109/TPAMI.2007.1103).
 //!
 //! Some small sets of pixels exchange light almost only among themselves: flat spots that see a sliver, or noise of a rare light path. The
 //! normalized cut treats each set as a region. The set has an eigenvalue near 1 and a localized eigenvector. The entries of this

@@ -78,8 +78,8 @@ impl Segmentation {
         Some(confidence.iter().filter(|value| **value >= SURE).count() as f64 / seen.max(1) as f64)
     }
 
-    /// Checks whether light can have these eigenvalues: at most 1 in magnitude for `D^-½ G D^-½`, from 0 to twice the largest degree for `D
-    /// − G`.
+    /// Checks whether light can have these eigenvalues: at most 1 in magnitude for `D^-½ G D^-½`, from 0 to twice the largest degree for
+    /// `D − G`.
     pub fn findings(&self) -> Vec<Finding> {
         let values = self.eigenvalues.iter().copied();
         // Each eigenvalue is converted to its distance from the middle of its range, relative to half of the range.

@@ -10,9 +10,9 @@ use crate::operator::Adjoint;
 /// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by `x ← clip(x + (b − A x) / D)`.
 ///
 /// The method takes one product per iteration and needs neither transpose nor symmetry. For a non-negative symmetric `A` with `D = A 1`,
-/// the step is a contraction where direct light dominates. At its fixed point the signs of `b − A x` fit the bounds, but the signs of `Aᵀ(b
-/// − A x)` need not. The method therefore ends near the least-squares optimum but not at it, and may pass a better point. The best iterate
-/// is returned. The method stores seven `n`-vectors: `b, x`, the best `x`, `r, D`, the next `x` and a product.
+/// the step is a contraction where direct light dominates. At its fixed point the signs of `b − A x` fit the bounds, but the signs of
+/// `Aᵀ(b − A x)` need not. The method therefore ends near the least-squares optimum but not at it, and may pass a better point. The best
+/// iterate is returned. The method stores seven `n`-vectors: `b, x`, the best `x`, `r, D`, the next `x` and a product.
 ///
 /// References: Projected Richardson iteration with diagonal scaling; Bertsekas and Tsitsiklis, *Parallel and Distributed Computation*,
 /// section 3.3 (1989). Its use for compensation: Grossberg, Peri, Nayar and Belhumeur (2004), doi:10.1109/CVPR.2004.1315065.
@@ -132,8 +132,8 @@ impl Recurrence for Mrnsd {
 /// `n × n` with its transpose and `b ≥ 0`, by `x ← x ∘ (Aᵀb) / (AᵀA x)`. It serves as a baseline.
 ///
 /// `‖r‖` falls monotonically for non-negative `A` and `b`. The method first takes one product with `Aᵀ`, and then two products per
-/// iteration, `A x` and `Aᵀ(A x)`. It respects only `x ≥ 0` and ignores the bounds of the options. The method stores eight `n`-vectors: `b,
-/// x`, the best `x`, `r, D, Aᵀb, A x` and a product.
+/// iteration, `A x` and `Aᵀ(A x)`. It respects only `x ≥ 0` and ignores the bounds of the options. The method stores eight `n`-vectors:
+/// `b, x`, the best `x`, `r, D, Aᵀb, A x` and a product.
 ///
 /// References: Daube-Witherspoon and Muehllehner (1986), doi:10.1109/TMI.1986.4307748; Lee and Seung's updates (2001) for one factor.
 pub struct Multiplicative {

@@ -158,7 +158,7 @@ impl Boxed {
                 (least, most) = (least.max(first), most.min(last));
             }
         }
-        // The vector x is inside the box, so t = 1 is always allowed, even if rounding says otherwise.
+        // The vector x is inside the box, so t = 1 is always allowed, despite rounding.
         let t = (dot(b, work) / square).clamp(least.min(1.0), most.max(1.0));
         let bounds = self.bounds;
         x.iter_mut().for_each(|value| *value = bounds.clip(t * *value));

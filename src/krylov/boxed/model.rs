@@ -68,7 +68,7 @@ impl WorkVectors {
     }
 }
 
-/// If the part of a direction outside the span is below this share of its norm, it is rounding error, and the direction adds nothing.
+/// If the part of a direction outside the span is below this share of its norm, it is rounding error, and the direction is not added.
 const NEW: f64 = 1e-8;
 
 impl SecantModel {
@@ -167,8 +167,8 @@ impl SecantModel {
         (0..c.len()).map(|i| d[i] - self.theta * c[i] - dot(&self.projected[i], c)).collect()
     }
 
-    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b) + δ² (I − VVᵀ) u`, the gradient of half of the objective with respect to `u = D^½ x`. `None` means `b =
-    /// 0`.
+    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b) + δ² (I − VVᵀ) u`, the gradient of half of the objective with respect to `u = D^½ x`. `None` means
+    /// `b = 0`.
     pub(super) fn gradient(&self, u: &[f64], b: Option<&[f64]>, image: &mut [f64], g: &mut [f64]) {
         self.residual(u, b, image);
         update(image, &self.root, |r, s| r * s);

@@ -191,8 +191,8 @@ impl Coordinates {
     }
 }
 
-/// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a [`SecantModel`]. They give the coordinates of `M̂
-/// D M̂ u` from the coordinates of `u`.
+/// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a [`SecantModel`]. They give the coordinates of
+/// `M̂ D M̂ u` from the coordinates of `u`.
 #[derive(Default)]
 pub(super) struct InnerProducts {
     vv: Vec<Vec<f64>>,

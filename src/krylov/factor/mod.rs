@@ -79,10 +79,10 @@ pub enum ProcessKind {
     ///
     /// A breakdown, `h_{m+1,m} = 0`, is harmless: `V` is invariant, its Ritz pairs are eigenpairs, and the process continues from a random
     /// vector. The process stores `m + 1 + k` vectors of `n` for `k` known vectors, and one work vector.
+    ///
     /// References: Arnoldi, *The principle of minimized iterations in the solution of the matrix eigenvalue problem* (1951),
     /// doi:10.1090/qam/42792; Saad, *Numerical Methods for Large Eigenvalue Problems*, chapter 6, doi:10.1137/1.9781611970739. With photos
     /// for products: O'Toole and Kutulakos, sections 3 and 4.
-    /// products: O'Toole and Kutulakos, sections 3 and 4.
     Arnoldi = 3,
 }
 

@@ -422,8 +422,8 @@ impl Factorization {
 
     /// The part of `‖(H − T) s‖` that independent errors of the products do not explain; 0 if no errors are stated.
     ///
-    /// If errors of norm `e_i` and `e_j` are spread evenly over `n` entries, the difference of `H_ij` and `H_ji` has the variance `(e_i² +
-    /// e_j²)/n`. Both entries differ from their mean by half of this difference.
+    /// If errors of norm `e_i` and `e_j` are spread evenly over `n` entries, the difference of `H_ij` and `H_ji` has the variance
+    /// `(e_i² + e_j²)/n`. Both entries differ from their mean by half of this difference.
     fn beyond_errors(&self, asymmetric: f64, s: &[f64]) -> f64 {
         let squares: Vec<f64> = self.errors.iter().map(|error| error * error).collect();
         let all: f64 = squares.iter().sum();

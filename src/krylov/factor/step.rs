@@ -152,9 +152,9 @@ impl Factorization {
     ///
     /// # Bound
     /// Only parts of norm at most [`LATE`] wait for the next step. Larger parts (from noise, or of a product nearly in the span) are
-    /// removed at once, by passes as in [`orthogonalize`], so `v` has norm `1 + O(ε)`. With the `γ` defined there, `‖V_jᵀv‖ ≤ √j γ + LATE
-    /// ‖I − V_jᵀV_j‖`, so errors do not accumulate. `m` vectors satisfy `‖I − VᵀV‖_F ≤ √2 m γ`, as if each vector had been reorthogonalized
-    /// at once. The tests check this bound on difficult cases.
+    /// removed at once, by passes as in [`orthogonalize`], so `v` has norm `1 + O(ε)`. With the `γ` defined there,
+    /// `‖V_jᵀv‖ ≤ √j γ + LATE ‖I − V_jᵀV_j‖`, so errors do not accumulate. `m` vectors satisfy `‖I − VᵀV‖_F ≤ √2 m γ`, as if each vector
+    /// had been reorthogonalized at once. The tests check this bound on difficult cases.
     fn orthogonalize_product(&mut self, along: &[f64]) -> Rest {
         let (total, first) = (self.basis.len(), self.basis.len() - along.len());
         let late = std::mem::take(&mut self.late);

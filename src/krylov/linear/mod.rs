@@ -45,8 +45,8 @@ pub enum Side {
 pub struct SolveOptions {
     /// The largest number of products, with `A` and `Aᵀ` together. Read by all methods. Default 50.
     pub products: usize,
-    /// A solver ends when `‖b − A x‖ ≤ rtol ‖b‖ + atol`. If both are 0, the solver uses the whole budget. Read by all methods; krylov-box
-    /// also ends when its model predicts no gain beyond this tolerance. Default 1e-6.
+    /// A solver ends when `‖b − A x‖ ≤ rtol ‖b‖ + atol`. If `rtol` and `atol` are 0, it uses the whole budget. Read by all methods;
+    /// krylov-box also ends when its model predicts no gain beyond this tolerance. Default 1e-6.
     pub rtol: f64,
     /// See `rtol`. Read by all methods. Default 0.
     pub atol: f64,
