@@ -68,7 +68,7 @@ pub enum Estimate<'a> {
         residual: f64,
         /// The smallest relative residual so far.
         best: f64,
-        /// Computes the best iterate so far without a product with `A`. GMRES forms a linear combination of all basis vectors for it.
+        /// Computes the best iterate so far without a product with `A`. With GMRES, this combines all basis vectors linearly.
         iterate: &'a dyn Fn() -> Vec<f64>,
     },
     /// The error of a low-rank model: the norm of the part of the last photo that the model of the earlier photos did not predict, relative

@@ -46,7 +46,7 @@ impl<F: Operator, B: Operator> Exchanged<F, B> {
         Self::new(forth, back, unit)
     }
 
-    /// The factor that converts light of the second arrangement into the unit of the first.
+    /// The factor that converts light of the second arrangement into the unit of the first arrangement.
     pub fn unit(&self) -> f64 {
         self.unit
     }

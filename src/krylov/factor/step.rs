@@ -239,7 +239,7 @@ mod tests {
             let mut largest = 0.0_f64;
             for step in 1..=60 {
                 lanczos.expand(&mut operator)?;
-                // The first two steps remove all parts before their products are taken.
+                // The first two steps remove all parts in advance, so only later steps count.
                 if step > 2 {
                     largest = largest.max(norm(&lanczos.late));
                 }
