@@ -123,7 +123,7 @@ pub enum Error {
         /// The remedy.
         help: String,
     },
-    /// Processes that work together cannot go on: one lacks what it needs, or differs from the others.
+    /// Processes that work together cannot continue: one process lacks a resource, or differs from the other processes.
     #[error("{fault}\n  help: {help}")]
     Team {
         /// The process and its fault.
@@ -134,7 +134,7 @@ pub enum Error {
     /// The user or an observer stopped the computation.
     #[error("interrupted")]
     Interrupted,
-    /// A size differs from the required one.
+    /// A size differs from the required size.
     #[error("{what}: {expected} expected, but there are {found}")]
     Dimension {
         /// The quantity that was counted or measured.
@@ -200,7 +200,7 @@ impl Error {
         Self::Dimension { what, expected: expected.to_string(), found: found.to_string() }
     }
 
-    /// The same error with a remedy. An error that has no remedy stays as it is.
+    /// Adds a remedy to the error. An error that has no remedy stays as it is.
     #[must_use]
     pub fn help(mut self, remedy: impl Into<String>) -> Self {
         if let Self::Scene { help, .. }
@@ -232,7 +232,7 @@ impl Error {
         move |reason| Self::Write { path, reason }
     }
 
-    /// Fails with [`Error::Dimension`] unless a size equals the required one. `what` names the quantity.
+    /// Fails with [`Error::Dimension`] unless the size `found` equals the size `expected`. `what` names the quantity.
     pub fn check_size<T: PartialEq + ToString>(what: &'static str, expected: T, found: T) -> Result<()> {
         if expected == found {
             return Ok(());

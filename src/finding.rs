@@ -1,5 +1,5 @@
-//! Findings about a bench or an answer, and their reliability. Findings alone decide the colour of a page, the exit status of a verb, and
-//! the sentence that a bench can be used.
+//! Findings about a bench or a result. Only findings decide the colour of a page, the exit status of a verb, and whether a bench can be
+//! used.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
 
-/// A measured value is outside its bound when it lies this many standard errors beyond the bound.
+/// A measured value violates its bound if it lies more than this many standard errors beyond the bound.
 pub const SIGMAS: f64 = 3.0;
 
-/// The seriousness of a finding, with the least serious grade first.
+/// The seriousness of a finding. Grades ascend from the least serious.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Grade {
@@ -19,14 +19,14 @@ pub enum Grade {
     Ok,
     /// Nothing could be measured, so nothing is confirmed.
     Unmeasured,
-    /// The bench or answer can be used, but something should be improved.
+    /// The bench or the result can be used, but something should be improved.
     Warning,
-    /// The bench or answer cannot be used in this state.
+    /// The bench or the result cannot be used in this state.
     Fails,
 }
 
 impl Grade {
-    /// The grade in a word. A failure is written in capitals.
+    /// The grade as one word. A failure is written in capitals.
     pub fn word(self) -> &'static str {
         match self {
             Self::Ok => "ok",
@@ -37,14 +37,14 @@ impl Grade {
     }
 }
 
-/// The state of one thing, the expected state, and the remedy.
+/// The result of one check: the state found, the expected state and the remedy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
-    /// The thing that was examined, in a word or two: `disk`, `pixel map`.
+    /// The subject of the check, in a word or two: `disk`, `pixel map`.
     pub name: Cow<'static, str>,
     /// The seriousness of the finding.
     pub grade: Grade,
-    /// The measured value, if the grade follows from one.
+    /// The measured value, if the grade follows from a measured value.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub value: Option<f64>,
     /// The standard error of the value.
@@ -64,7 +64,7 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// A finding that is as expected.
+    /// A finding of the expected state.
     pub fn ok(name: &'static str, found: impl Into<String>) -> Self {
         Self::graded(name, Grade::Ok, found, "", "")
     }
@@ -87,8 +87,8 @@ impl Finding {
         Self::graded(name, Grade::Unmeasured, format!("not measured, because {because}"), "", "")
     }
 
-    /// A value with its standard error. The grade is `beyond` when the value exceeds the bound by more than [`SIGMAS`] standard errors, or
-    /// when the error is NaN.
+    /// A finding about a value with a standard error and an upper bound. The grade is `beyond` if the value exceeds the bound by more than
+    /// [`SIGMAS`] standard errors, or if the standard error is NaN.
     pub fn at_most(
         name: &'static str,
         [value, error, bound]: [f64; 3],
@@ -101,7 +101,7 @@ impl Finding {
         Self::graded(name, grade, found, expected, help).measured(value, error, bound)
     }
 
-    /// Like [`Self::at_most`], for a value that must not be less than the bound.
+    /// Like [`Self::at_most`], for a value with a lower bound.
     pub fn at_least(
         name: &'static str,
         [value, error, bound]: [f64; 3],
@@ -114,8 +114,8 @@ impl Finding {
             .measured(value, error, bound)
     }
 
-    /// A share of the light with its standard error, judged like [`Self::at_most`]. The two sentences explain a share that passes and a
-    /// share that fails.
+    /// A finding about a share of the light with its standard error, judged like [`Self::at_most`]. The first sentence explains a share
+    /// that passes, the second a share that fails.
     pub fn judged(
         name: &'static str,
         share: Ratio,
@@ -133,7 +133,7 @@ impl Finding {
         finding
     }
 
-    /// A share of the light that is reported but not judged.
+    /// A finding about a share of the light that is reported but not judged.
     pub fn told(name: &'static str, share: Ratio, error: f64, meaning: &str) -> Self {
         let Some(value) = share.value() else {
             return Self::unmeasured(name, "there is no light to compare it with");
@@ -142,13 +142,13 @@ impl Finding {
         Self { value: Some(value), error: Some(error), ..finding }
     }
 
-    /// The same finding with the numbers that determine its grade.
+    /// Adds the numbers that determine the grade of the finding.
     #[must_use]
     pub fn measured(self, value: f64, error: f64, bound: f64) -> Self {
         Self { value: Some(value), error: Some(error), bound: Some(bound), ..self }
     }
 
-    /// A failure because of an error that prevents the examination.
+    /// A failed finding about an error that prevents the check.
     pub fn error(name: &'static str, error: &Error) -> Self {
         let text = error.to_string();
         let (found, help) = text.split_once("\n  help: ").unwrap_or((&text, ""));
@@ -182,12 +182,12 @@ impl fmt::Display for Finding {
     }
 }
 
-/// The most serious grade among findings. It is [`Grade::Ok`] when there are none.
+/// The most serious grade among the findings, or [`Grade::Ok`] if there are no findings.
 pub fn worst<'a>(findings: impl IntoIterator<Item = &'a Finding>) -> Grade {
     findings.into_iter().map(|finding| finding.grade).max().unwrap_or(Grade::Ok)
 }
 
-/// Adds findings to others. When two findings have the same name, the more serious one is kept.
+/// Adds the findings `more` to `into`. If two findings have the same name, only the more serious finding is kept.
 pub fn merge(into: &mut Vec<Finding>, more: impl IntoIterator<Item = Finding>) {
     for finding in more {
         match into.iter_mut().find(|known| known.name == finding.name) {
@@ -212,7 +212,7 @@ fn percent(share: f64) -> String {
 pub struct Findings {
     /// The findings.
     pub all: Vec<Finding>,
-    /// Whether everything was examined. A failure may prevent the remaining examination.
+    /// True if the check is complete. A failure may prevent the remaining examinations.
     pub complete: bool,
 }
 
@@ -222,7 +222,7 @@ impl Findings {
         self.all.iter().filter(|finding| finding.grade == grade).count()
     }
 
-    /// Whether everything that the use of the bench depends on was examined, and nothing failed.
+    /// Returns true if the check is complete and nothing failed.
     pub fn passed(&self) -> bool {
         self.complete && self.count(Grade::Fails) == 0
     }
@@ -246,8 +246,8 @@ fn plural(count: usize) -> &'static str {
     if count == 1 { "" } else { "s" }
 }
 
-/// A ratio, or nothing where the denominator does not exceed [`SIGMAS`] of its standard errors, because nothing can then be measured. A
-/// ratio is never infinite or NaN. It displays as a percentage of three digits, such as `3.14 %`, or as `–`.
+/// A ratio that has a value only if the denominator exceeds [`SIGMAS`] of its standard errors. Otherwise, nothing can be measured. The
+/// value is never infinite or NaN. A ratio displays as a percentage of three digits, such as `3.14 %`, or as `–` without a value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Ratio(Option<f64>);
@@ -259,26 +259,26 @@ impl Ratio {
         Self(Some(numerator / denominator).filter(|value| is_measured && value.is_finite()))
     }
 
-    /// `numerator / ‖v‖` for measured values, each with its variance. The contribution of noise is subtracted from the length. Noise alone
-    /// also has a length, but there is then nothing to measure. Such noise is mistaken for light in one case of 45 with a single value, of
-    /// 246 with 64 values, and of 741 with many. The reason is that the sum of squares is compared with [`SIGMAS`] of its standard errors,
-    /// and its distribution is skewed when there are few values.
+    /// `numerator / ‖v‖` for a vector `v` of measured values, each given with its variance. The contribution of noise is subtracted from
+    /// `‖v‖²`. The ratio has no value if the remainder is within [`SIGMAS`] standard errors of this sum of squares. Noise alone exceeds
+    /// this threshold in one case of 45 with a single value, of 246 with 64 values, and of 741 with many values, because the sum of few
+    /// squares has a skewed distribution.
     pub fn to_length(numerator: f64, measured: impl IntoIterator<Item = [f64; 2]>) -> Self {
         let [mut excess, mut spread] = [0.0; 2];
         for [value, variance] in measured {
             excess += value * value - variance;
             spread += 2.0 * variance * variance;
         }
-        // The length is as certain as its square, whose standard error under noise alone is √spread.
+        // The threshold is the square root of the threshold for the square, whose standard error under noise alone is √spread.
         Self::of(numerator, excess.max(0.0).sqrt(), (spread.sqrt() / SIGMAS).sqrt())
     }
 
-    /// The ratio. `None` where there is nothing to measure.
+    /// The ratio, or `None` if nothing can be measured.
     pub fn value(self) -> Option<f64> {
         self.0
     }
 
-    /// The percentage without its unit.
+    /// The percentage as text without the sign `%`.
     pub fn percent(self) -> String {
         let Some(value) = self.0 else { return "–".into() };
         let percent = 100.0 * value;
@@ -291,7 +291,7 @@ impl Ratio {
     }
 }
 
-/// A known share. An infinite value or NaN becomes a ratio without a value.
+/// Converts a share that is known exactly. An infinite share or NaN becomes a ratio without a value.
 impl From<f64> for Ratio {
     fn from(share: f64) -> Self {
         Self(Some(share).filter(|share| share.is_finite()))
@@ -305,8 +305,9 @@ impl fmt::Display for Ratio {
     }
 }
 
-/// A number with this many decimals, as in `0.1235`. If that would show fewer than two significant digits, or more than nine digits before
-/// the point, it has `decimals` significant digits (at least three) and a power of ten, as in `1.235e-7`. Only zero is shown as zero.
+/// Formats a number with `decimals` decimals, as in `0.1235`. If fewer than two significant digits or more than nine digits before the
+/// point would result, the text has `decimals` significant digits (at least three) and a power of ten, as in `1.235e-7`. Only zero is shown
+/// as zero.
 pub fn decimal(value: f64, decimals: usize) -> String {
     let least = 10_f64.powi(1 - decimals as i32);
     if value == 0.0 || !value.is_finite() || (least..1e9).contains(&value.abs()) {
@@ -380,7 +381,7 @@ mod tests {
         assert_eq!(serde_json::from_str::<Vec<Finding>>(&text).expect("and read"), all);
     }
 
-    /// Numerators and denominators of every size, including zeros, infinities and NaN.
+    /// The numerators and denominators have every size, and include zeros, infinities and NaN.
     #[test]
     fn a_ratio_is_a_number_beyond_the_error_of_its_denominator_or_nothing() {
         let mut random = Pcg64::seed_from_u64(3);
@@ -426,8 +427,9 @@ mod tests {
             };
             (0..1000).map(measured).filter(|&is_measured| is_measured).count()
         };
-        // With noise alone, a sum of 64 squares exceeds 64 + 3 √128 in 4 of 1000 cases (χ²). It does so in 945 cases with light as strong
-        // as noise, and in all but 1e-5 with light half as strong again (noncentral χ²). The bounds are four deviations of such counts.
+        // With noise alone, a sum of 64 squares exceeds 64 + 3 √128 in 4 of 1000 cases (χ²). With light as strong as noise, the sum exceeds
+        // this value in 945 cases; with light 1.5 times as strong, in all but 1e-5 (noncentral χ²). The bounds are four deviations of such
+        // counts.
         let [noise, faint, light] = [0.0, 1.0, 1.5].map(found);
         assert!(noise <= 12 && (916..=974).contains(&faint) && light == 1000, "{noise} {faint} {light}");
         let exact = Ratio::to_length(2.0, [[3.0, 0.0], [4.0, 0.0]]);
@@ -449,7 +451,7 @@ mod tests {
             let text = decimal(value, decimals);
             let shown: f64 = text.parse().expect("a number");
             prop_assert!(text.bytes().any(|digit| (b'1'..=b'9').contains(&digit)), "{value:e} is shown as {text}");
-            // Half of the last digit, plus the rounding in this test's arithmetic.
+            // The bound is half of the last digit, plus the rounding in this test's arithmetic.
             let last = match text.contains('e') {
                 true => 10_f64.powi(1 - decimals as i32) * value.abs(),
                 false => 10_f64.powi(-(decimals as i32)),

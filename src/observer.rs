@@ -1,8 +1,8 @@
 //! Observers of long computations. They receive progress, messages and photos, and can stop the computation.
 //!
-//! Every long computation calls an [`Observer`]. The Krylov methods take it from their operator
-//! ([`Operator::observer`](crate::operator::Operator::observer)); the tracer and the laboratory hold one. The default everywhere is `()`,
-//! an observer that does nothing.
+//! Every long computation calls an [`Observer`]. The Krylov methods get the observer from their operator
+//! ([`Operator::observer`](crate::operator::Operator::observer)); the tracer and the laboratory store an observer. The default everywhere
+//! is `()`, an observer that does nothing.
 
 use std::cell::RefCell;
 use std::fmt;
@@ -27,8 +27,8 @@ pub trait Observer {
         ControlFlow::Continue(())
     }
 
-    /// Called after each photo. [`ControlFlow::Break`] ends the computation with [`Error::Interrupted`](crate::Error::Interrupted). The
-    /// photo is not lost: it is in the journal, if there is one.
+    /// Called after each photo. [`ControlFlow::Break`] ends the computation with [`Error::Interrupted`](crate::Error::Interrupted). If
+    /// there is a journal, it already holds the photo.
     fn photo(&self, _photo: &PhotoTaken<'_>) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
@@ -68,7 +68,7 @@ pub enum Estimate<'a> {
         residual: f64,
         /// The smallest relative residual so far.
         best: f64,
-        /// Computes the best iterate so far. It takes no product with `A`. With GMRES it forms a linear combination of all basis vectors.
+        /// Computes the best iterate so far without a product with `A`. With GMRES, this combines all basis vectors linearly.
         iterate: &'a dyn Fn() -> Vec<f64>,
     },
     /// The error of a low-rank model: the norm of the part of the last photo that the model of the earlier photos did not predict, relative
@@ -141,7 +141,7 @@ impl<F: FnMut(&Step<'_>) -> ControlFlow<()>> Observer for OnStep<F> {
     fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
         match self.0.try_borrow_mut() {
             Ok(mut closure) => closure(step),
-            // The closure is running: it performs a computation with this observer. Nested steps are not reported.
+            // The closure is already running, because it performs another computation with this observer. Nested steps are not reported.
             Err(_) => ControlFlow::Continue(()),
         }
     }

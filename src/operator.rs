@@ -20,7 +20,7 @@ pub enum Symmetry {
     General,
 }
 
-/// The direction of a product: `A x`, from the projector to the camera, or `Aᵀ y`, with the two exchanged.
+/// The direction of a product: `A x`, from the projector to the camera, or `Aᵀ y`, with projector and camera exchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Direction {
@@ -32,7 +32,7 @@ pub enum Direction {
 
 /// A linear operator `A` of `rows × cols`. A product is expensive (on a rig it is a photo) and can fail (a rig can be unplugged).
 ///
-/// An operator implements [`Operator::apply`] or [`Operator::apply_block`]; the default of each calls the other.
+/// An implementation defines [`Operator::apply`] or [`Operator::apply_block`]. The default of each calls the other.
 pub trait Operator {
     /// The length of `y` in `y = A x`.
     fn rows(&self) -> usize;
@@ -43,84 +43,86 @@ pub trait Operator {
     /// `y ← A x`; every entry of `y` is overwritten.
     ///
     /// # Errors
-    /// The error that stopped the product; `y` is then unspecified.
+    /// The error that stopped the product. The entries of `y` are then unspecified.
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.apply_block(&[x], &mut [y])
     }
 
-    /// `y_k ← A x_k` for each of `xs`, in order. The results are bitwise equal to the results of single products, and each counts as one
-    /// product. `xs` and `ys` have the same length. The default takes the products one by one.
+    /// `y_k ← A x_k` for each `x_k` in `xs`, in order. The results are bitwise equal to the results of single products, and a block of `k`
+    /// products counts as `k` products. `xs` and `ys` have the same length. The default takes the products one by one.
     ///
     /// # Errors
-    /// The errors of [`Operator::apply`]; all of `ys` are then unspecified.
+    /// The errors of [`Operator::apply`]. All vectors in `ys` are then unspecified.
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         debug_assert_eq!(xs.len(), ys.len());
         xs.iter().zip(ys).try_for_each(|(x, y)| self.apply(x, y))
     }
 
-    /// The number of products of a block that together take about as long as one. A method that knows several vectors in advance asks for
-    /// blocks of this size. The default is 1, which is right where a product is a photo: no photo is then taken before it is needed.
+    /// The number of products in a block that takes about as long as a single product. A method that knows several vectors in advance
+    /// requests blocks of this size. The default is 1. It suits operators whose products are photos, because no photo is then taken before
+    /// it is needed.
     fn block_size(&self) -> usize {
         1
     }
 
-    /// The observer of the computations with this operator. It sees each step and may stop the computation. The default `()` does nothing.
-    /// A wrapper returns the observer of the operator that it wraps.
+    /// The observer of computations with this operator. The observer sees each step and may stop the computation. The default `()` does
+    /// nothing. A wrapper returns the observer of the operator that it wraps.
     fn observer(&self) -> &dyn Observer {
         &()
     }
 
-    /// The standard errors of the last products, in order: for each vector of the last [`Operator::apply`] or [`Operator::apply_block`] (or
-    /// the same with the transpose), the expected `‖y − A x‖₂` due to noise. The default is empty: the products are exact, or their errors
-    /// are unknown.
+    /// The standard errors of the products in the last call of [`Operator::apply`] or [`Operator::apply_block`] (or of their counterparts
+    /// for the transpose), in order. Each standard error is the expected `‖y − A x‖₂` due to noise. The default is empty: the products are
+    /// exact, or their errors are unknown.
     fn standard_errors(&self) -> Vec<f64> {
         Vec::new()
     }
 
-    /// The number of frames that a camera has taken so far for the rig behind this operator. It includes the frames of exposures, takes,
-    /// signs, bit planes, black and white and sentinels, and the frames that came from a journal. The default `None` means that products
-    /// are computed and cost no frames.
+    /// The number of frames that a camera has taken so far for the rig behind this operator. It counts the frames of all exposures,
+    /// repeated takes, signs and bit planes, the frames of black, white and sentinels, and the frames that came from a journal. The default
+    /// `None` means that products are computed and cost no frames.
     fn frames(&self) -> Option<u64> {
         None
     }
 
-    /// The standard error of `xᵀ A x` that all products share and that averaging over products does not reduce, if it is known; the default
-    /// is 0. A rig that subtracts direct light has such an error, because it measures this light once. Fails with the errors of
-    /// [`Operator::apply`]: a photo that all products need may still have to be taken.
+    /// The part of the standard error of `xᵀ A x` that is common to all products, so that averaging over products does not reduce it. The
+    /// default is 0, which also stands for an unknown error. A rig that subtracts direct light has such an error, because it measures
+    /// direct light only once. Fails with the errors of [`Operator::apply`], because this measurement may still have to be taken.
     fn common_error(&mut self, x: &[f64]) -> Result<f64> {
         let _ = x;
         Ok(0.0)
     }
 
-    /// Returns true if products cost nothing, for example with a matrix in memory. In that case the products that follow while `on` is set
-    /// only confirm an answer: they are not counted and not shown as photos. The default is false: every product is a photo.
+    /// Tells the operator whether the following products only confirm a result. Returns true if products cost nothing, for example with a
+    /// matrix in memory. In that case, products are neither counted nor shown as photos while `on` is set. The default returns false: every
+    /// product is a photo.
     fn confirming(&mut self, on: bool) -> bool {
         let _ = on;
         false
     }
 
-    /// The standard error of the last product, if it was a single one; 0 if it is exact or the error is unknown.
+    /// The standard error of the last product, if it was a single product. It is 0 if the product is exact or its error is unknown.
     fn standard_error(&self) -> f64 {
         self.standard_errors().first().copied().unwrap_or(0.0)
     }
 }
 
-/// An operator whose transpose can be applied too, by [`Adjoint::apply_adjoint`] or [`Adjoint::apply_adjoint_block`]; an operator implements
-/// one of them.
+/// An operator whose transpose can be applied too. An implementation defines [`Adjoint::apply_adjoint`] or
+/// [`Adjoint::apply_adjoint_block`].
 pub trait Adjoint: Operator {
     /// `x ← Aᵀ y`; every entry of `x` is overwritten. Fails with the errors of [`Operator::apply`].
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
         self.apply_adjoint_block(&[y], &mut [x])
     }
 
-    /// `x_k ← Aᵀ y_k` for each of `ys`, in order. The rules of [`Operator::apply_block`] hold. Fails with the errors of
+    /// `x_k ← Aᵀ y_k` for each `y_k` in `ys`, in order, by the rules of [`Operator::apply_block`]. Fails with the errors of
     /// [`Operator::apply_block`].
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         debug_assert_eq!(xs.len(), ys.len());
         ys.iter().zip(xs).try_for_each(|(y, x)| self.apply_adjoint(y, x))
     }
 
-    /// Takes the products of a block in either direction. Fails with the errors of [`Operator::apply_block`].
+    /// Takes a block of products in the given direction. Fails with the errors of [`Operator::apply_block`].
     fn products(&mut self, direction: Direction, from: &[&[f64]], to: &mut [&mut [f64]]) -> Result<()> {
         match direction {
             Direction::Forward => self.apply_block(from, to),
@@ -138,9 +140,9 @@ pub(crate) fn block_mut(vectors: &mut [Vec<f64>]) -> Vec<&mut [f64]> {
     vectors.iter_mut().map(Vec::as_mut_slice).collect()
 }
 
-/// Forwards methods of [`Operator`] from a wrapper to the operator inside it. The `impl` names the field that holds the inner operator, and
-/// the methods. `apply` means the products of [`Operator`], `adjoint` those of [`Adjoint`]. The field `deref` stands for the target
-/// of a pointer.
+/// Forwards methods of [`Operator`] from a wrapper to the operator inside it. An `impl` names the field that holds the inner operator, and
+/// the methods to forward. `apply` stands for the products of [`Operator`], `adjoint` for the products of [`Adjoint`]. The field name
+/// `deref` stands for the target of a pointer.
 macro_rules! delegate {
     ($field:tt: $($method:ident),+ $(,)?) => { $( $crate::operator::delegate!(@$method $field); )+ };
     (@rows $field:tt) => {
@@ -235,7 +237,7 @@ pub(crate) fn product(operator: &mut dyn Operator, x: &[f64]) -> Result<Vec<f64>
     Ok(y)
 }
 
-/// Takes the products of `operator` with `before(x)` for each of `xs` as a block. `after` writes each `y` from `x` and its product.
+/// Applies `before` to each of `xs`, multiplies the results as a block, and lets `after` write each `y` from `x` and the product.
 pub(crate) fn between(
     operator: &mut dyn Operator,
     (xs, ys): (&[&[f64]], &mut [&mut [f64]]),
@@ -251,20 +253,20 @@ pub(crate) fn between(
     Ok(())
 }
 
-/// Refuses an operator that is not `n × n`; `what` names it.
+/// Refuses an operator that is not `n × n`. `what` names the operator in the error.
 pub(crate) fn check_square(what: &'static str, n: usize, operator: &dyn Operator) -> Result<()> {
     let found = format!("{}x{}", operator.rows(), operator.cols());
     Error::check_size(what, format!("{n}x{n}"), found)
 }
 
-/// The largest block that is requested at once. It limits the number of vectors in memory.
+/// The largest number of products requested as one block. It limits the number of vectors in memory.
 const LARGEST_BLOCK: usize = 8;
 
-/// Multiplies each of `xs` (`cols` entries each), in blocks of [`Operator::block_size`], and passes each vector with its product to `with`,
+/// Multiplies each of `xs` (`cols` entries each) in blocks of [`Operator::block_size`], and calls `with` for each vector and its product,
 /// in order.
 ///
 /// # Errors
-/// The first error of a product or of `with`; no further block is taken after it.
+/// The first error of a product or of `with`. No further block of products is then taken.
 pub fn each_product(
     operator: &mut dyn Operator,
     xs: impl IntoIterator<Item = Vec<f64>>,
@@ -283,7 +285,7 @@ pub fn each_product(
     }
 }
 
-/// An operator whose product is a closure, for example a user's matrix or function.
+/// An operator whose product is a closure. It wraps, for example, a user's matrix or function.
 ///
 /// ```
 /// use krylux::krylov::{EigsOptions, eigs};

@@ -23,7 +23,7 @@ impl Csr {
     /// Makes the matrix of these three arrays, with `cols` columns and `row_start.len() − 1` rows.
     ///
     /// # Errors
-    /// [`Error::Dimension`] if they do not describe such a matrix.
+    /// [`Error::Dimension`] if the arrays do not describe a matrix in compressed sparse rows.
     pub fn new(cols: usize, row_start: Vec<usize>, columns: Vec<u32>, weights: Vec<f64>) -> Result<Self> {
         let mismatch = |what, expected: String, found: String| Err(Error::dimension(what, expected, found));
         if columns.len() != weights.len() {
@@ -110,7 +110,7 @@ impl Csr {
         Self { cols: self.rows(), row_start, columns, weights }
     }
 
-    /// The diagonal, with an entry for each row; 0 if none is stored.
+    /// The diagonal, with one value for each row. The value is 0 if the row stores no diagonal entry.
     pub fn diagonal(&self) -> Vec<f64> {
         let own = |row: usize| {
             let (columns, weights) = self.row(row);
@@ -129,7 +129,7 @@ impl Csr {
     }
 }
 
-/// `y = A x` and `x = Aᵀ y` for a matrix in memory. Both run over rows in a fixed order, so results do not depend on the number of threads.
+/// `y = A x` and `x = Aᵀ y` for a matrix in memory. Both products sum in a fixed order, so results do not depend on the number of threads.
 #[derive(Clone, Debug)]
 pub struct SparseOperator {
     matrix: Csr,

@@ -1,5 +1,4 @@
-//! Measures the transport matrix with one photo per column, as a reference for all other methods on a small
-//! rig.
+//! Measures the transport matrix with one photo per column, as a reference for all other methods on a small rig.
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -9,7 +8,7 @@ use crate::transport::Channels;
 
 const PHOTOS: usize = 4096;
 
-/// Refuses a measurement that would take more photos than allowed, with [`Error::Option`] naming `--photos`.
+/// Refuses a measurement that would take more photos than allowed. Fails with [`Error::Option`] naming `--photos`.
 pub fn check_photos(resolution: Resolution, channels: Channels, allowed: Option<usize>) -> Result<()> {
     let needed = resolution.pixels() * channels.count();
     let allowed = allowed.unwrap_or(PHOTOS);
@@ -21,7 +20,7 @@ pub fn check_photos(resolution: Resolution, channels: Channels, allowed: Option<
         )).help(format!("give --photos {needed} if the rig has so much time, or fewer pixels")))
 }
 
-/// Measures the matrix column by column. Every entry that is not exactly 0 is stored, noise included.
+/// Measures the matrix column by column. Every entry that is not exactly 0 is stored, even if it is only noise.
 pub fn columns(operator: &mut dyn Operator) -> Result<Csr> {
     let (rows, count) = (operator.rows(), operator.cols());
     let mut entries: Vec<Vec<(u32, f64)>> = vec![Vec::new(); rows];

@@ -1,6 +1,7 @@
-//! The operator of an analysis: all light, or all light but the direct part, with or without blur.
+//! The operator of an analysis: the transport of all light, or of all light except direct light, with or without blur.
 //!
-//! On a coaxial rig, direct light is the diagonal of `A`, and a large part of it. Simulators omit it; rigs measure and subtract it.
+//! On a coaxial rig, direct light is on the diagonal of `A`, and contributes most of the diagonal. Simulators omit direct light; rigs
+//! measure and subtract it.
 
 use crate::error::{Error, Result};
 use crate::image::Blur;
@@ -13,7 +14,7 @@ pub struct WithoutDirect<'a> {
 }
 
 impl<'a> WithoutDirect<'a> {
-    /// The operator for `A` (`n × n`) and `d` (`n`). Fails with [`Error::Dimension`] if the sizes differ.
+    /// Makes the operator for `A` (`n × n`) and `d` (`n`). Fails with [`Error::Dimension`] if the sizes differ.
     pub fn new(operator: &'a mut dyn Operator, direct: &'a [f64]) -> Result<Self> {
         for side in [operator.rows(), operator.cols()] {
             Error::check_size("pixels of the direct image", side, direct.len())?;
@@ -37,16 +38,16 @@ impl Operator for WithoutDirect<'_> {
     }
 }
 
-/// The operator `K A K` with one Gaussian `K = Kᵀ` for pattern and photo. It has the symmetry of `A`; a blur of the photo alone
-/// would break it. The blur averages the noise of neighbouring pixels. Light paths shorter than the blur do not count as direct
-/// light. A product is one photo.
+/// The operator `K A K`, with a Gaussian blur `K = Kᵀ` of both pattern and photo. It has the symmetry of `A`, which a blur of the photo
+/// alone would break. The blur averages the noise of neighbouring pixels. Light paths shorter than the blur do not count as direct light. A
+/// product is one photo.
 pub struct Blurred<'a> {
     operator: &'a mut dyn Operator,
     blur: Blur,
 }
 
 impl<'a> Blurred<'a> {
-    /// The operator for `A` (`n × n`). Fails with [`Error::Dimension`] if the blur has another number of pixels.
+    /// Makes the operator for `A` (`n × n`). Fails with [`Error::Dimension`] if the blur has another number of pixels.
     pub fn new(operator: &'a mut dyn Operator, blur: Blur) -> Result<Self> {
         check_square("rows and columns of an operator to be blurred", blur.resolution().pixels(), operator)?;
         Ok(Self { operator, blur })
@@ -62,7 +63,7 @@ impl Operator for Blurred<'_> {
         between(self.operator, (xs, ys), |x| blur.apply(x), after)
     }
 
-    /// The standard errors of the photos, reduced by the blur as if their noise were the same in all pixels.
+    /// The standard errors of the photos, reduced by the blur. The reduction assumes that all pixels have the same noise.
     fn standard_errors(&self) -> Vec<f64> {
         let errors = self.operator.standard_errors();
         if errors.is_empty() {
@@ -80,7 +81,7 @@ mod tests {
     use crate::image::Resolution;
     use crate::operator::Symmetry;
 
-    /// `A_ij = i j + δ_ij`; a non-symmetric variant adds a constant for `i < j`.
+    /// `A_ij = i j + δ_ij`. A variant that is not symmetric adds a constant for `i < j`.
     struct Dense(f64);
 
     impl Operator for Dense {

@@ -13,7 +13,7 @@
 //! | how well do two segmentations agree? | [`adjusted_rand_index`] |
 //! | what does a measurement on a rig cost, and how accurate is it? | [`mod@plan`] |
 //! | how similar are two images? | [`mod@similarity`] |
-//! | how good is an answer, by light that it was not computed from? | [`mod@verification`] |
+//! | how good is a result, judged by light that it was not computed from? | [`mod@verification`] |
 
 pub mod brute_force;
 pub mod compensate;

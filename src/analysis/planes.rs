@@ -1,16 +1,16 @@
-//! Light per pixel, with one plane per channel.
+//! Planes of light: one value per pixel, and one plane per channel.
 
 use crate::finding::Ratio;
 
 /// Values of each channel: `[channel][pixel]`.
 pub type Planes = Vec<Vec<f64>>;
 
-/// `‖found − truth‖ / ‖truth‖` over all channels; undefined where the truth is dark.
+/// `‖found − truth‖ / ‖truth‖` over all channels. The ratio has no value if the truth is dark.
 pub fn relative_error(found: &Planes, truth: &Planes) -> Ratio {
     Ratio::of(norm(&difference(found, truth)), norm(truth), 0.0)
 }
 
-/// `numerator / ‖values‖` for values with these standard errors; undefined where the values are mere noise.
+/// `numerator / ‖values‖` for values with these standard errors. The ratio has no value if the values are only noise.
 pub fn relative_to(numerator: f64, values: &Planes, errors: &Planes) -> Ratio {
     let measured = values.iter().flatten().zip(errors.iter().flatten());
     Ratio::to_length(numerator, measured.map(|(&value, &error)| [value, error * error]))

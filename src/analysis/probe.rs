@@ -1,9 +1,9 @@
-//! Probing: the photo of a scene by a selection of its light paths.
+//! Probing: photos of a scene by a selection of its light paths.
 //!
-//! A probing matrix `Π` (`n × n`) weights each path by its first projector pixel and its last camera pixel; the photo is `(Π ∘ A)
-//! 1`. Let random patterns `r` have mean zero and the correlation `E[r_i r_j] = h(i − j)`. The mean of `r ∘ A r` is then this photo
-//! for `Π_ij = h(i − j)`: `r` is projected, and its signed values multiply the photo as a mask. No column of `A` is ever measured.
-//! Here `h` is a Gaussian of the distance in pixels, with `h(0) = 1`.
+//! A probing matrix `Π` (`n × n`) weights each path by its first projector pixel and its last camera pixel. The probed photo is
+//! `(Π ∘ A) 1`. Let random patterns `r` have mean zero and the correlation `E[r_i r_j] = h(i − j)`. The mean of `r ∘ A r` is then the
+//! probed photo for `Π_ij = h(i − j)`: `r` is projected, and its signed values multiply the photo as a mask. No column of `A` is ever
+//! measured. Here `h` is a Gaussian of the distance in pixels, with `h(0) = 1`.
 //!
 //! O'Toole, Raskar and Kutulakos, *Primal-dual coding to probe light transport* (2012), doi:10.1145/2185520.2185535.
 
@@ -15,31 +15,31 @@ use crate::image::Resolution;
 use crate::operator::{Operator, check_square, product};
 use crate::sparse::Csr;
 
-/// The selection of light paths.
+/// A selection of light paths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Probing {
-    /// Paths that return to the pixel where they started: direct light, on a coaxial rig.
+    /// Paths that return to the pixel where they started: on a coaxial rig, direct light.
     Direct,
-    /// All paths but `Direct`.
+    /// All paths except the paths of `Direct`.
     Indirect,
     /// Paths that end near their start, with weight `exp(−d²/2σ²)` at distance `d` in pixels, direct light included.
     Near {
         /// Standard deviation `σ` in pixels, above 0.
         sigma: f64,
     },
-    /// All paths but `Near`.
+    /// All paths except the paths of `Near`, by their weights.
     Far {
-        /// The same as for `Near`.
+        /// Standard deviation `σ` in pixels, above 0.
         sigma: f64,
     },
     /// Indirect light from nearby: `Near` minus `Direct`, from the same random signs.
     NearIndirect {
-        /// The same as for `Near`.
+        /// Standard deviation `σ` in pixels, above 0.
         sigma: f64,
     },
 }
 
-/// The default distance, in pixels, within which light counts as near: a Gaussian of a sixteenth of the width, and at least one pixel.
+/// The default standard deviation, in pixels, of the Gaussian that selects near light: a sixteenth of the width, and at least one pixel.
 pub fn default_sigma(resolution: Resolution) -> f64 {
     (resolution.width as f64 / 16.0).max(1.0)
 }
@@ -63,7 +63,7 @@ impl Probing {
             .help("give a distance above 0 and up to 4096 pixels"))
     }
 
-    /// The number of photos for a number of random patterns.
+    /// The number of photos for this number of random patterns.
     pub fn photos(self, patterns: usize) -> usize {
         match self {
             Self::NearIndirect { .. } => 2 * patterns,
@@ -115,12 +115,13 @@ pub struct Probed {
     pub values: Vec<f64>,
     /// The standard error of each value, from the spread of the samples (`n`).
     pub standard_errors: Vec<f64>,
-    /// Photos taken: products with signed patterns, and the white photo if it is needed.
+    /// The number of photos taken: products with signed patterns, and the white photo if it is needed.
     pub photos: usize,
 }
 
-/// Probes with `photos ≥ 2` random patterns; each costs one product with `operator` (`n × n`). [`Probing::NearIndirect`] takes two
-/// products per pattern. [`Probing::Indirect`] and [`Probing::Far`] take one more of white, from which they subtract.
+/// Probes with `photos ≥ 2` random patterns. Each pattern takes one product with `operator` (`n × n`), or two products for
+/// [`Probing::NearIndirect`]. [`Probing::Indirect`] and [`Probing::Far`] take one more product with white, from which they subtract the
+/// probed light.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--photos` or `--sigma`; [`Error::Dimension`] if sizes differ; any error of the operator.
@@ -167,7 +168,7 @@ pub fn probe(
     Ok(Probed { values: mean, standard_errors, photos: products })
 }
 
-/// Returns `count` random patterns (`n` each) whose correlation is a Gaussian of `sigma` pixels that is 1 at 0.
+/// Returns `count` random patterns (`n` each). Their correlation is a Gaussian of `sigma` pixels with the value 1 at distance 0.
 pub(super) fn smooth_patterns(resolution: Resolution, sigma: f64, count: usize, seed: u64) -> Vec<Vec<f64>> {
     let mut random = Pcg64::seed_from_u64(seed);
     let kernel = kernel(sigma);
@@ -179,7 +180,7 @@ fn correlation(operator: &mut dyn Operator, pattern: &[f64]) -> Result<Vec<f64>>
     Ok(photo.iter().zip(pattern).map(|(photo, mask)| photo * mask).collect())
 }
 
-/// A Gaussian of standard deviation `σ/√2`; its autocorrelation is a Gaussian of `σ`. Its squares add up to 1.
+/// A Gaussian of standard deviation `σ/√2`. Its autocorrelation is a Gaussian of standard deviation `σ`, and its squares add up to 1.
 fn kernel(sigma: f64) -> Vec<f64> {
     let own = sigma / std::f64::consts::SQRT_2;
     let reach = (4.0 * own).ceil() as i64;
@@ -190,7 +191,7 @@ fn kernel(sigma: f64) -> Vec<f64> {
     values.iter().map(|value| value / length).collect()
 }
 
-/// Random signs on a raster with a margin. The margin makes the patterns at the edge as random as elsewhere.
+/// Random signs on a raster with a margin. With the margin, patterns have the same statistics at the edge as elsewhere.
 struct Signs {
     resolution: Resolution,
     margin: usize,
@@ -236,14 +237,14 @@ mod tests {
         let mut sums = vec![0.0; resolution.pixels()];
         for _ in 0..draws {
             let pattern = Signs::draw(resolution, kernel.len() / 2, &mut random).smoothed(&kernel);
-            // The correlation with a corner pixel, where the margin matters.
+            // The correlation with a corner pixel depends most on the margin.
             sums.iter_mut().zip(&pattern).for_each(|(sum, value)| *sum += pattern[0] * value);
         }
         for (pixel, sum) in sums.iter().enumerate() {
             let (x, y) = (pixel % resolution.width, pixel / resolution.width);
             let expected = Probing::Near { sigma }.weight(((x * x + y * y) as f64).sqrt());
-            // The product of two such values has a variance of at most 3. The tolerance is 4.5 standard errors, plus the errors of
-            // the kernel's sampling and of its truncation at four deviations.
+            // The product of two such values has a variance of at most 3. The tolerance is 4.5 standard errors, plus the errors from the
+            // sampling of the kernel and from its truncation at four deviations.
             let error = (sum / f64::from(draws) - expected).abs();
             assert!(error < 4.5 * (3.0 / f64::from(draws)).sqrt() + 1e-3, "({x}, {y}): {error}");
         }

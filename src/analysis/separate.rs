@@ -1,16 +1,16 @@
-//! Separation of direct light, straight from the projector, from global light, which reached other surfaces first.
+//! Separation of direct light and global light. Direct light comes straight from the projector; global light reached other surfaces first.
 //!
 //! | method | photos | accuracy |
 //! |---|---|---|
 //! | [`checkerboards`] | `shifts²` | exact if global light does not resolve the squares |
 //! | [`sinusoids`] | 3 or more per direction | exact if global light does not resolve the waves |
-//! | [`codes`] | 4, 8, 16, … | light of near pixels cancels; the rest is in the standard errors |
+//! | [`codes`] | 4, 8, 16, … | light of near pixels cancels; other global light is in the standard errors |
 //! | [`random_patterns`] | any number | unbiased; the noise falls as `1/√photos` |
-//! | [`from_capture`] | the white one | approximate, from the photos of a Krylov capture |
+//! | [`from_capture`] | the white photo | approximate, from the photos of a Krylov capture |
 //!
-//! The first two are by Nayar, Krishnan, Grossberg and Raskar, *Fast separation of direct and global components of a scene using
-//! high frequency illumination* (2006), doi:10.1145/1141911.1141977. They fail where global light is sharp, as with a mirror. The
-//! others estimate the diagonal of `A`, the direct light of a coaxial rig, and so handle mirrors. A simulator stores each bounce
+//! The first two methods are by Nayar, Krishnan, Grossberg and Raskar, *Fast separation of direct and global components of a scene using
+//! high frequency illumination* (2006), doi:10.1145/1141911.1141977. They fail where global light is sharp, as with a mirror. The other
+//! methods estimate the diagonal of `A`, which is the direct light of a coaxial rig, and so handle mirrors. A simulator stores each bounce
 //! and needs no separation: [`crate::transport::Part`], [`crate::transport::Layer`].
 
 pub use comparison::{ComparisonRow, NearFar, NearFarOptions, compare_separations, near_far};
@@ -28,7 +28,7 @@ use crate::operator::{Operator, Symmetry, product};
 use crate::transport::{Bounces, TransportMatrix};
 use high_frequency::{check_checkerboards, check_codes, check_sinusoids};
 
-/// Direct and global light under white, an all-ones pattern.
+/// Direct and global light under white, which is a pattern of ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Separation {
     /// The light of one bounce (`n`).
@@ -39,18 +39,18 @@ pub struct Separation {
     pub standard_error: Option<Vec<f64>>,
     /// Standard errors of `global` (`n`), if the method gives them.
     pub global_error: Option<Vec<f64>>,
-    /// Photos taken, the white one included.
+    /// The number of photos taken, including the white photo.
     pub photos: usize,
 }
 
-/// A method, with its photos, to separate direct from global light.
+/// A method that separates direct from global light, with its number of photos.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SeparateBy {
-    /// [`checkerboards`] with squares of `square` pixels at `shifts²` places.
+    /// [`checkerboards`] with squares of `square` pixels at `shifts²` positions.
     Checkerboards {
         /// Side of a square in pixels.
         square: usize,
-        /// Number of places in each direction.
+        /// Number of positions in each direction.
         shifts: usize,
     },
     /// [`sinusoids`] along rows and along columns.
@@ -62,17 +62,17 @@ pub enum SeparateBy {
     },
     /// [`codes`].
     Codes {
-        /// Photos: a power of two.
+        /// Number of photos, a power of two.
         photos: usize,
     },
     /// [`random_patterns`].
     Random {
-        /// Photos besides the white one.
+        /// Number of photos without the white photo.
         photos: usize,
     },
     /// [`from_capture`], with a capture that starts from random signs.
     Capture {
-        /// Photos besides the white one.
+        /// Number of photos without the white photo.
         photos: usize,
     },
 }
@@ -89,7 +89,7 @@ impl SeparateBy {
         }
     }
 
-    /// The method with its settings in words.
+    /// The method and its settings in words.
     pub fn in_words(self) -> String {
         match self {
             Self::Checkerboards { square, shifts } => {
@@ -104,7 +104,7 @@ impl SeparateBy {
         }
     }
 
-    /// The number of photos, the white one included.
+    /// The number of photos, including the white photo.
     pub fn photos(self) -> usize {
         match self {
             Self::Checkerboards { shifts, .. } => shifts * shifts,
@@ -114,7 +114,7 @@ impl SeparateBy {
         }
     }
 
-    /// Refuses settings that the method cannot use, before any photo is taken, with [`Error::Option`] naming the option.
+    /// Refuses settings that the method cannot use, before any photo is taken. Fails with [`Error::Option`] naming the option.
     pub fn check(self) -> Result<()> {
         match self {
             Self::Checkerboards { square, shifts } => check_checkerboards(square, shifts),
@@ -124,7 +124,8 @@ impl SeparateBy {
         }
     }
 
-    /// Separates with `operator`, all light (`n × n`), without regard to its symmetry. Fails with the errors of the method.
+    /// Separates direct and global light of `operator`, which transports all light (`n × n`). The symmetry of the operator is not checked.
+    /// Fails with the errors of the method.
     pub fn measure(
         self,
         operator: &mut dyn Operator,
@@ -150,7 +151,7 @@ impl SeparateBy {
     }
 }
 
-/// Separates with `operator`, all light of a coaxial rig (`n × n`).
+/// Separates direct and global light of `operator`, which transports all light of a coaxial rig (`n × n`).
 ///
 /// # Errors
 /// [`Error::Option`] naming `--by` if the operator is not symmetric (a pixel then sees light of another pixel); the errors of the method.
@@ -169,11 +170,12 @@ pub fn separate(
     by.measure(operator, resolution, seed)
 }
 
-// Separation by estimating the diagonal of `A`. For coaxial pinholes, the diagonal is the direct light plus the global light that returns
-// to its own pixel. In a zigzag at 64×64, that is 4 % of the global light, mostly along the folds; it is less with more pixels.
+// These methods estimate the diagonal of `A`. For coaxial pinholes, the diagonal is the direct light plus the global light that returns to
+// its own pixel. In a zigzag at 64×64, the returning light is 4 % of the global light, mostly along the folds. The share falls with more
+// pixels.
 
-/// Separates with `photos ≥ 2` patterns of random signs and the white one. A signed pattern is one product with `operator` (`n ×
-/// n`). The result is unbiased for any scene; a pixel's variance is `Σ_{j≠i} A_ij² / photos`.
+/// Separates with a white pattern and `photos ≥ 2` patterns of random signs. A signed pattern takes one product with `operator` (`n × n`).
+/// The result is unbiased for any scene. The variance of a pixel is `Σ_{j≠i} A_ij² / photos`.
 pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) -> Result<Separation> {
     let estimate = diagonal(operator, photos, seed)?;
     let ones = vec![1.0; operator.cols()];
@@ -182,19 +184,19 @@ pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) ->
     Ok(Separation {
         direct: estimate.values,
         global,
-        // The white photo has the noise of one photo. The direct light has the noise of all patterns, as far as they do not explain it.
+        // The errors of the direct light, from all patterns, also serve for the global light. The white photo has the noise of one photo.
         global_error: Some(estimate.standard_errors.clone()),
         standard_error: Some(estimate.standard_errors),
         photos: estimate.products + 1,
     })
 }
 
-/// Separates with the photos `W = A Q` of a Krylov process on all light. `Σ_k q_k ∘ W_k` is the diagonal of `A Q Qᵀ`. Divided by
-/// the diagonal of `Q Qᵀ`, it estimates the diagonal of `A` with no photo but the white one. It works like [`random_patterns`] as
-/// far as the patterns are random between neighbouring pixels: use [`Start::Rademacher`](crate::krylov::Start). More photos
-/// hardly help: at each pixel, all patterns of a process carry the signs of its start, so their errors repeat (in a room with a
-/// mirror ball, a quarter of the light at 4 photos and at 128). If new photos can be taken, use [`random_patterns`]. Fails with
-/// [`Error::Dimension`] if the white photo (`n`) and the model differ in size.
+/// Separates with the photos `W = A Q` of a Krylov process on all light. `Σ_k q_k ∘ W_k` is the diagonal of `A Q Qᵀ`. Divided by the
+/// diagonal of `Q Qᵀ`, it estimates the diagonal of `A`; only the white photo is taken in addition. The method works like
+/// [`random_patterns`] if the patterns differ randomly between neighbouring pixels, so use [`Start::Rademacher`](crate::krylov::Start).
+/// More photos hardly help: at each pixel, all patterns of a process carry the signs of its start, so their errors repeat (in a room with a
+/// mirror ball, the error is a quarter of the light at 4 photos and at 128). If new photos can be taken, use [`random_patterns`]. Fails
+/// with [`Error::Dimension`] if the white photo (`n`) and the model differ in size.
 pub fn from_capture(model: &LowRank, white: &[f64]) -> Result<Separation> {
     let n = model.cols();
     Error::check_size("pixels of the white photo", n, white.len())?;
@@ -212,8 +214,8 @@ pub fn from_capture(model: &LowRank, white: &[f64]) -> Result<Separation> {
     Ok(Separation { direct, global, standard_error: None, global_error: None, photos: model.rank() + 1 })
 }
 
-/// The light of two bounces, and of three and more, under white, from a matrix that stores them as separate layers. Fails as
-/// [`TransportMatrix::layers`] does; a well-formed matrix in one process gives no error.
+/// The light of exactly two bounces, and the light of three or more bounces, under white, from a matrix that stores them as separate
+/// layers. Fails as [`TransportMatrix::layers`] does; a well-formed matrix in one process gives no error.
 pub fn second_and_rest(matrix: &TransportMatrix) -> Result<[Planes; 2]> {
     let (rows, count) = (matrix.resolution().pixels(), matrix.channels().count());
     let mut found = [Bounces::Two, Bounces::Rest].map(|_| vec![vec![0.0; rows]; count]);

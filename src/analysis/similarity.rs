@@ -5,15 +5,15 @@
 //! SSIM = mean over windows of (2 μa μb + C₁)(2 σab + C₂) / ((μa² + μb² + C₁)(σa² + σb² + C₂)),  C₁ = (0.01 L)², C₂ = (0.03 L)²
 //! ```
 //!
-//! `L` is the data range. The windows are Gaussian, 11×11 pixels with σ 1.5, wholly inside the image. Colour images give the
-//! mean over channels. Wang, Bovik, Sheikh and Simoncelli, *Image quality assessment: from error visibility to structural
-//! similarity* (2004), doi:10.1109/TIP.2003.819861. SSIM is implemented here for floating-point radiance, because
+//! `L` is the data range. The windows are Gaussian, 11×11 pixels with σ 1.5, and lie entirely inside the image. For colour images, the
+//! result is the mean over channels. Reference: Wang, Bovik, Sheikh and Simoncelli, *Image quality assessment: from error visibility to
+//! structural similarity* (2004), doi:10.1109/TIP.2003.819861. SSIM is implemented here for floating-point radiance, because
 //! `image-compare` takes 8-bit images, in windows of 8×8 pixels.
 
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 
-/// Side of SSIM's window in pixels, and its standard deviation.
+/// The side of SSIM's window in pixels, and the standard deviation of its Gaussian.
 const WINDOW: usize = 11;
 const SIGMA: f64 = 1.5;
 
@@ -22,13 +22,13 @@ const SIGMA: f64 = 1.5;
 pub struct Similarity {
     /// The root mean square difference over all pixels and channels.
     pub rmse: f64,
-    /// The RMSE divided by the reference's root mean square; infinite if only the reference is black.
+    /// The RMSE divided by the root mean square of the reference; infinite if only the reference is black.
     pub relative_rmse: f64,
     /// The largest absolute difference.
     pub largest: f64,
     /// Peak signal-to-noise ratio in dB; infinite for equal images.
     pub psnr: f64,
-    /// Structural similarity, from −1 to 1; none if the images are smaller than the window, 11×11.
+    /// Structural similarity, from −1 to 1; `None` if the images are smaller than the window of 11×11 pixels.
     pub ssim: Option<f64>,
     /// The data range `L` of PSNR and SSIM.
     pub range: f64,
@@ -37,7 +37,7 @@ pub struct Similarity {
 /// Compares `image` with `reference`; `range` is the data range `L`, for example [`data_range`].
 ///
 /// # Errors
-/// [`Error::Dimension`] if sizes or channels differ; [`Error::Option`] naming `--range` if it is not positive.
+/// [`Error::Dimension`] if sizes or channels differ; [`Error::Option`] naming `--range` if the range is not positive.
 pub fn similarity(image: &Image, reference: &Image, range: f64) -> Result<Similarity> {
     let shape = |image: &Image| format!("{}x{}", image.resolution(), image.channels());
     Error::check_size("pixels and channels of the two images", shape(reference), shape(image))?;
@@ -62,7 +62,7 @@ pub fn similarity(image: &Image, reference: &Image, range: f64) -> Result<Simila
     })
 }
 
-/// The largest minus the smallest value of the reference, or 1 if all are equal. Use it as `L` if no better value is known.
+/// The largest minus the smallest value of the reference, or 1 if all values are equal. Use it as `L` if no better value is known.
 pub fn data_range(reference: &Image) -> f64 {
     let extend = |(low, high): (f32, f32), &value: &f32| (low.min(value), high.max(value));
     let (low, high) = reference.samples().iter().fold((f32::INFINITY, f32::NEG_INFINITY), extend);
@@ -74,7 +74,7 @@ pub fn psnr(rmse: f64, range: f64) -> f64 {
     20.0 * (range / rmse).log10()
 }
 
-/// Structural similarity of two images with equal shapes; none if they are smaller than the window.
+/// Structural similarity of two images with equal shapes; `None` if the images are smaller than the window.
 fn ssim(a: &Image, b: &Image, range: f64) -> Option<f64> {
     let Resolution { width, height } = a.resolution();
     if width < WINDOW || height < WINDOW {
@@ -98,7 +98,7 @@ fn ssim(a: &Image, b: &Image, range: f64) -> Option<f64> {
     Some(sum / a.channels() as f64)
 }
 
-/// The Gaussian mean of each window that lies wholly inside, row by row.
+/// The Gaussian mean of each window that lies entirely inside the image, row by row.
 fn windowed(plane: &[f64], width: usize, height: usize) -> Vec<f64> {
     let middle = (WINDOW / 2) as f64;
     let weights: [f64; WINDOW] =
@@ -153,7 +153,7 @@ mod tests {
 
     #[test]
     fn structure_counts_as_another_implementation_has_it() -> Result<()> {
-        // Both numbers by SciPy's gaussian_filter with truncate=3.5, five pixels cropped at each edge; images are f32 here.
+        // Both numbers are from SciPy's gaussian_filter with truncate=3.5, with five pixels cropped at each edge. The images here are f32.
         for (scale, shift, range, expected) in
             [(-1.0, 1.0, 1.0, -0.767_293_008_4), (0.5, 0.2, 2.0, 0.798_512_500_4)]
         {

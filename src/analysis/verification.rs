@@ -1,76 +1,78 @@
-//! The quality of an answer, judged by light that it was not computed from.
+//! The quality of a result, judged by light that it was not computed from.
 //!
-//! The answers of a scene are computed with a matrix from a finite number of light paths. Its noise is frozen: an eigenvector fits the
-//! noise of its matrix as well as the light. The same matrix therefore cannot tell how good the eigenvector is. Light paths of another seed
-//! can ([`Retraced::estimated_products`](crate::transport::Retraced::estimated_products)). On a rig, an unused photo can.
+//! The results for a scene are computed with a matrix from a finite number of light paths. The noise of this matrix is frozen, so an
+//! eigenvector fits the noise as well as the light. The same matrix therefore cannot tell how good the eigenvector is. Light paths of
+//! another seed can ([`Retraced::estimated_products`](crate::transport::Retraced::estimated_products)). On a rig, a photo that was not used
+//! for the result can.
 
 use crate::krylov::{Eigs, temple_kato};
 use crate::transport::{EstimatedProduct, Squares};
 
-/// One predicted photo beside the independent one.
+/// A comparison of a predicted photo with an independent photo of the same pattern.
 #[derive(Clone, Copy, Debug)]
 pub struct Predicted {
     /// The difference between the two photos.
     pub squares: Squares,
-    /// The variance of the prediction's own noise, relative to the variance of the independent photo.
+    /// The variance of the noise in the prediction, relative to the variance of the noise in the independent photo.
     pub own: f64,
-    /// The norm of the errors that the answer states: a residual, or the part that its photos leave open.
+    /// The norm of the errors that the result states: a residual, or the part of the light that its photos do not determine.
     pub stated: f64,
-    /// Whether the answer was computed from a frozen matrix. It fits the noise of this matrix, so its errors have a part of second order.
+    /// True if the result was computed from a frozen matrix. It then fits the noise of the matrix, so its errors have a part of second
+    /// order.
     pub is_frozen: bool,
-    /// [`EstimatedProduct::signs`], where the errors of the photo are draws of its noise.
+    /// [`EstimatedProduct::signs`], if the errors of the photo are random samples of its noise.
     pub signs: Option<f64>,
 }
 
 impl Predicted {
-    /// The norm of the errors that the prediction may have beside noise.
+    /// The norm of the errors that the prediction may have in addition to noise.
     ///
-    /// An answer that fits the noise of its matrix, of the relative size `ε`, has more noise than another vector by about `ε²`. Twice this
-    /// excess is allowed: with 24×24 pixels and 64 light paths that covers vectors of `ε = 0.3`.
+    /// If a result fits the noise of its matrix, and `ε` is the relative size of this noise, the result has more noise than another vector
+    /// by about `ε²`. Twice this excess is allowed. With 24×24 pixels and 64 light paths, this covers vectors of `ε = 0.3`.
     pub fn allowed(&self) -> f64 {
         let size = (self.squares.product - self.squares.noise).max(f64::MIN_POSITIVE).sqrt();
         let fitted = if self.is_frozen { 2.0 * self.squares.noise / size } else { 0.0 };
         self.stated.hypot(fitted)
     }
 
-    /// The larger excess of two tests, one on the sum of squares and one on signs. The first sees errors of a few pixels. The second sees
-    /// errors of many pixels behind the noise of a few.
+    /// The larger excess of two tests, one on the sum of squares and one on signs. The test on squares detects errors of a few pixels. The
+    /// test on signs detects errors of many pixels that the noise of a few pixels hides.
     pub fn excess(&self) -> f64 {
         self.squares.excess(self.own, self.allowed()).max(self.signs.unwrap_or(f64::NEG_INFINITY))
     }
 }
 
-/// The outcome of comparing an answer's photos with independent ones.
+/// The outcome of a comparison of predicted photos with independent photos.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judged {
     /// The largest excess, in standard errors.
     pub statistic: f64,
     /// The index of the photo with this excess.
     pub at: usize,
-    /// The chance of an excess at least this large if the answer is right, times the number of tests (Bonferroni).
+    /// The chance of an excess at least this large if the result is correct, times the number of tests (Bonferroni).
     pub p_value: f64,
-    /// The relative error that all photos together would have shown in 99 of 100 cases.
+    /// The smallest relative error that all photos together would have revealed in 99 of 100 cases.
     pub resolution: f64,
 }
 
-/// An excess of 3.1 has a chance of 0.001. An error whose expected excess is 2.3 more is found in 99 of 100 cases.
+/// An excess of 3.1 has a chance of 0.001. If an error raises the expected excess by a further 2.3, it is found in 99 of 100 cases.
 const SEEN: f64 = 3.1 + 2.3;
 
-/// Judges all photos of an answer; `None` without photos.
+/// Judges all predicted photos of a result; `None` if there are no photos.
 pub fn judge(photos: &[Predicted]) -> Option<Judged> {
     let each = photos.iter().map(Predicted::excess).enumerate();
     let (at, statistic) = each.max_by(|a, b| a.1.total_cmp(&b.1))?;
     let own = photos.iter().map(|photo| photo.own).fold(0.0, f64::max);
     let all: Squares = photos.iter().map(|photo| photo.squares).sum();
     let p_value = (2.0 * photos.len() as f64 * upper_tail(statistic)).min(1.0);
-    // Errors that the answer itself states hide other errors as noise does.
+    // Errors that the result itself states hide other errors, as noise does.
     let stated = photos.iter().map(|photo| photo.allowed().powi(2)).sum::<f64>() / (all.product - all.noise);
     let resolution =
         if stated >= 0.0 { all.resolution(own, SEEN).hypot(stated.sqrt()) } else { f64::INFINITY };
     Some(Judged { statistic, at, p_value, resolution })
 }
 
-/// The chance that a normal deviate is above `z`, to a relative error of 1.2e-7 (Press et al., *Numerical Recipes*, `erfcc`).
+/// The chance that a standard normal variable is above `z`, with a relative error of 1.2e-7 (Press et al., *Numerical Recipes*, `erfcc`).
 fn upper_tail(z: f64) -> f64 {
     const TERMS: [f64; 10] = [
         -1.265_512_23,
@@ -91,21 +93,21 @@ fn upper_tail(z: f64) -> f64 {
     if z >= 0.0 { above } else { 1.0 - above }
 }
 
-/// The judgement of independent light on the groups of a segmentation.
+/// A judgement of the groups of a segmentation by independent light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grouped {
-    /// The share of the variance of the coordinates by independent light that lies between the groups.
+    /// The share of variance that lies between the groups, for the coordinates that independent light gives the pixels.
     pub explained: f64,
-    /// The largest such share, in 999 of 1000 cases, for labels unrelated to the light.
+    /// The largest share, in 999 of 1000 cases, for labels unrelated to the light.
     pub by_chance: f64,
-    /// The share of the pixels that the independent coordinates put into the same group, relative to the share for the answer's own.
+    /// The share of pixels that independent coordinates assign to the same group, relative to this share for the coordinates of the result.
     pub agreement: f64,
 }
 
 impl Grouped {
-    /// Compares `labels` (`None` is masked) with the coordinates `claimed` by the answer and the coordinates `seen` by independent light.
-    /// Each coordinate has one value per pixel, and `weights` weight the pixels. Groups that hold no more of the variance than shuffled
-    /// labels would say nothing about the light (an analysis of variance).
+    /// Compares `labels` (`None` is masked) with two sets of coordinates: `claimed` belong to the result, and `seen` come from independent
+    /// light. Each coordinate has one value per pixel, and `weights` weight the pixels. If the groups explain no larger share of the
+    /// variance than shuffled labels would, they say nothing about the light (an analysis of variance).
     pub fn new(labels: &[Option<usize>], weights: &[f64], claimed: &[Vec<f64>], seen: &[Vec<f64>]) -> Self {
         let groups = labels.iter().flatten().max().map_or(0, |last| last + 1);
         let pixels = labels.iter().flatten().count();
@@ -157,43 +159,43 @@ impl Grouped {
         }
     }
 
-    /// Whether the groups say no more about the light than chance does.
+    /// Returns true if the groups explain no larger share of the variance than chance does.
     pub fn is_refuted(&self) -> bool {
         self.explained <= self.by_chance
     }
 }
 
-/// An eigenpair of the scene itself, as opposed to an eigenpair of a matrix with noise.
+/// An eigenpair of the scene itself, as opposed to an eigenpair of a noisy matrix.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct EigenpairEstimate {
-    /// The eigenvalue: the mean of the matrix's own, `θ = uᵀ Â u`, and of `q = uᵀ A' u` by independent light. `u` fits the noise `E` of
-    /// `Â`, so that `θ` is too large by about `Σ_k (u_kᵀ E u)² / (λ − λ_k)`, and `q` is too small by the same amount. Their mean has no
-    /// error of second order.
+    /// The eigenvalue: the mean of `θ = uᵀ Â u`, the eigenvalue of the noisy matrix `Â`, and of `q = uᵀ A' u` by independent light. The
+    /// eigenvector `u` fits the noise `E` of `Â`, so `θ` is too large by about `Σ_k (u_kᵀ E u)² / (λ − λ_k)`, and `q` is too small by the
+    /// same amount. The mean has no error of second order.
     pub value: f64,
-    /// Its standard error. It also counts changes that more photos would bring.
+    /// The standard error of `value`. It includes the change that more photos would cause.
     pub standard_error: f64,
-    /// `q`, with its standard error by the noise of the independent light alone. It says how much of its light the eigenvector really
+    /// `q`, and its standard error from the noise of the independent light alone. `q` is the share of its light that the eigenvector really
     /// keeps.
     pub quotient: [f64; 2],
-    /// `‖A u − q u‖` by independent light, without the noise of the latter. The scene has an eigenvalue within this distance of `q`, and a
-    /// photo of `u` differs from `q u` by this much. `None` where it was not asked for.
+    /// `‖A u − q u‖` by independent light, without the noise of the independent light. The scene has an eigenvalue within this distance of
+    /// `q`, and a photo of `u` differs from `q u` by this norm. `None` if no residual was requested.
     pub residual: Option<f64>,
 }
 
 impl EigenpairEstimate {
-    /// How far the matrix's own eigenvalue may be from the scene's: the known part of its bias, with the standard error.
+    /// The error of the eigenvalue `theta` of the noisy matrix: the known part of its bias, combined with the standard error.
     pub fn error_of(&self, theta: f64) -> f64 {
         self.standard_error.hypot(theta - self.value)
     }
 }
 
-/// A part of half the difference `θ − q` that counts as an error of their mean. It applies where eigenvalues are nearer to each other than
-/// this half, because their errors of second order then do not cancel. The part was chosen on the scenes zigzag and cornell; `cargo bench
-/// --bench stated_errors` judges it on others.
+/// The share of half the difference `θ − q` that counts as an error of the mean of `θ` and `q`. It applies if eigenvalues are nearer to
+/// each other than this half difference, because errors of second order then do not cancel. The share was chosen on the scenes zigzag and
+/// cornell; `cargo bench --bench stated_errors` tests it on other scenes.
 const NOT_CANCELLED: f64 = 2.0 / 3.0;
 
-/// The eigenpairs of the scene, from the eigenpairs of a symmetric matrix and one independent product per eigenvector. `None` where pairs
-/// are complex or the products state no quadratic form.
+/// The eigenpairs of the scene, from the eigenpairs of a symmetric matrix and one independent product per eigenvector. `None` if pairs are
+/// complex, or if the products state no quadratic form.
 pub fn eigenpair_estimates(found: &Eigs, independent: &[EstimatedProduct]) -> Option<Vec<EigenpairEstimate>> {
     if found.imaginary_values.iter().any(|&value| value != 0.0) || found.values.len() != independent.len() {
         return None;
@@ -212,9 +214,9 @@ pub fn eigenpair_estimates(found: &Eigs, independent: &[EstimatedProduct]) -> Op
     independent.iter().enumerate().map(of).collect()
 }
 
-/// The eigenvalues of the scene, from the eigenvalues of a matrix's normalized cut and the residuals of their eigenvectors. For each,
-/// independent light states its error by [`Question::shift`](crate::transport::Question::shift). `None` if the products state no quadratic
-/// form.
+/// The eigenvalues of the scene, from the eigenvalues of a matrix's normalized cut and the residuals of their eigenvectors. For each
+/// eigenvalue, independent light states the error by [`Question::shift`](crate::transport::Question::shift). `None` if the products state
+/// no quadratic form.
 pub fn cut_estimates(
     values: &[f64],
     residuals: &[f64],
@@ -227,8 +229,8 @@ pub fn cut_estimates(
     independent.iter().enumerate().map(of).collect()
 }
 
-/// The estimate of the eigenvalue `index` among `values` of a matrix. More photos would change this eigenvalue by about `unconverged`.
-/// Independent light says, with a standard error, how far its own quotient is above it. The residual is not known.
+/// Estimates the eigenvalue `index` among `values` of a matrix. More photos would change this eigenvalue by about `unconverged`. By
+/// independent light, the quotient `q` lies `above` the eigenvalue, with the standard error `error`. The residual is not known.
 fn eigenvalue_estimate(
     values: &[f64],
     index: usize,
@@ -236,7 +238,7 @@ fn eigenvalue_estimate(
     [above, error]: [f64; 2],
 ) -> EigenpairEstimate {
     let theta = values[index];
-    // The mean of two values of about the same variance.
+    // The estimate is the mean of two values of about the same variance.
     let noise = error / std::f64::consts::SQRT_2;
     let half = 0.5 * above.abs();
     let not_cancelled = NOT_CANCELLED * half * (half / gap(values, index)).min(1.0);
@@ -248,7 +250,7 @@ fn eigenvalue_estimate(
     }
 }
 
-/// The distance from one value to the nearest other; infinite without another value, and never 0.
+/// The distance from one value to the nearest other value. It is infinite if there is no other value, and never 0.
 fn gap(values: &[f64], index: usize) -> f64 {
     let others = values.iter().enumerate().filter(|(other, _)| *other != index);
     let distances = others.map(|(_, value)| (value - values[index]).abs());
@@ -273,10 +275,10 @@ mod tests {
         assert!(judge(&[]).is_none());
     }
 
-    /// A photo of even light. It and its prediction have noise with heavy tails. The prediction is off by `wrong` times the noise.
+    /// A photo of even light and its prediction. Both have noise with heavy tails. The prediction is wrong by `wrong` times the noise.
     fn photo(random: &mut Pcg64, wrong: f64) -> Predicted {
         let mut normal = || random.sample::<f64, _>(StandardNormal);
-        // Noise whose size differs between pixels by a factor of a hundred.
+        // The size of the noise differs between pixels by a factor of a hundred.
         let sizes: Vec<f64> = (0..900).map(|_| 0.03 * (1.2 * normal()).exp()).collect();
         let mut noise = || -> Vec<f64> { sizes.iter().map(|size| size * normal()).collect() };
         let [own, check, error, off] = [noise(), noise(), noise(), noise()];
@@ -294,12 +296,12 @@ mod tests {
             let judged = (0..300).filter_map(|_| judge(&[photo(&mut random, wrong)]));
             judged.filter(|judged| judged.p_value < 1e-3).count()
         };
-        // Each has a chance of 0.001, so three or more of 300 have a chance of 0.003.
+        // Each photo has a chance of 0.001 to be refuted, so three or more of 300 have a chance of 0.003.
         assert!(refuted(0.0) <= 2, "right ones");
         assert_eq!(refuted(2.0), 300, "wrong ones");
     }
 
-    /// An error of one part of the picture affects at most half of the pixels. The sum of squares sees it.
+    /// An error in one part of the picture affects at most half of the pixels. The sum of squares detects it.
     #[test]
     fn an_error_of_few_pixels_is_seen() {
         let product = EstimatedProduct { product: vec![1.0; 900], error: vec![0.05; 900], quadratic: None };
@@ -313,7 +315,7 @@ mod tests {
             signs: Some(signs),
         };
         assert!(signs < 0.0 && photo.excess() > 5.0, "{signs} {}", photo.excess());
-        // A difference that the answer states does not count as an error.
+        // A difference that the result states does not count as an error.
         assert!(Predicted { stated: 0.5 * 60.0_f64.sqrt(), ..photo }.excess() < 0.0);
     }
 
@@ -331,7 +333,8 @@ mod tests {
             let right: Vec<Option<usize>> = truth.iter().copied().map(Some).collect();
             let shuffled: Vec<Option<usize>> = (0..600).map(|_| Some(random.random_range(0..3))).collect();
             let of_right = Grouped::new(&right, &weights, &claimed, &seen);
-            // Half a unit of noise takes a pixel to the next group in a third of all cases, and half as often at either end.
+            // Half a unit of noise moves a pixel to a neighbouring group in a third of all cases, and in a sixth in the first and the last
+            // group.
             assert!((0.7..0.85).contains(&of_right.agreement), "{of_right:?}");
             refuted[0] += usize::from(of_right.is_refuted());
             refuted[1] += usize::from(Grouped::new(&shuffled, &weights, &claimed, &seen).is_refuted());

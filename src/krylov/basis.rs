@@ -7,10 +7,10 @@ use rayon::prelude::*;
 
 use super::kernels::{add_block, dot_block, dots_block};
 
-/// The rows of a block. A block of the long vector (8 KiB) stays in the first-level cache while the columns stream past it.
+/// The rows of a block. A block of the long vector (8 KiB) stays in the first-level cache while the columns are read from memory.
 const BLOCK: usize = 1024;
 
-/// The columns of a tall matrix `V` of `rows × len`, each contiguous.
+/// The columns of a tall matrix `V` of `rows × len`. Each column is contiguous in memory.
 #[derive(Clone, Debug)]
 pub(super) struct Basis {
     rows: usize,
@@ -54,7 +54,7 @@ impl Basis {
         self.spare.append(&mut self.columns);
     }
 
-    /// Allocates memory for `total` columns. Untouched pages cost nothing on common systems.
+    /// Allocates memory for `total` columns. Pages that are not yet written cost nothing on common systems.
     pub(super) fn reserve(&mut self, total: usize) {
         self.columns.reserve(total.saturating_sub(self.columns.len()));
         while self.columns.len() + self.spare.len() < total {
@@ -62,8 +62,8 @@ impl Basis {
         }
     }
 
-    /// Replaces the columns `first..last` by `V S` over these columns: one new column for each column of coefficients. Freed memory is kept
-    /// for later columns.
+    /// Replaces the columns `first..last` by `V S`, where `V` holds these columns and `S` the coefficients. Each column of coefficients
+    /// makes one new column. Freed memory is kept for later columns.
     pub(super) fn rotate(&mut self, first: usize, last: usize, coefficients: &[&[f64]]) {
         let mut rotated = Vec::with_capacity(coefficients.len());
         let tail = self.columns.split_off(last);
@@ -148,8 +148,8 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     partial.iter().sum()
 }
 
-/// `‖w‖₂`, without intermediate overflow or underflow. It is infinite or NaN exactly if `w` holds such an entry or if the norm itself
-/// exceeds the largest `f64`.
+/// `‖w‖₂`, without intermediate overflow or underflow. It is infinite or NaN only if `w` holds an infinity or NaN, or if the norm exceeds
+/// the largest `f64`.
 pub fn norm(w: &[f64]) -> f64 {
     norm_of_square(dot(w, w), w)
 }
@@ -188,8 +188,8 @@ pub(super) fn update2(w: &mut [f64], a: &[f64], b: &[f64], f: impl Fn(f64, f64, 
     });
 }
 
-// The loops over entries are compiled for every `f`, the distribution over threads only once. That is by far the larger part of the code,
-// and one indirect call per block has no measurable cost.
+// The loops over entries are compiled for every `f`, but the distribution over threads is compiled only once, for a dynamic `Update`. The
+// distribution is by far the larger part of the code, and one indirect call per block has no measurable cost.
 
 type Update<'a> = dyn Fn(&mut [f64], &[f64], &[f64]) + Sync + 'a;
 
@@ -206,21 +206,22 @@ pub(super) fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
     update(y, x, |y, x| y + alpha * x);
 }
 
-/// If a pass leaves more than this share of the norm, the rest is orthogonal to working precision. Otherwise cancellation has amplified the
-/// rounding errors, and another pass may be needed. 1/√2 is the choice of Daniel, Gragg, Kaufman and Stewart, *Reorthogonalization and
-/// stable algorithms for updating the Gram–Schmidt QR factorization*, Math. Comp. 30 (1976), doi:10.1090/S0025-5718-1976-0431641-8.
+/// If the remainder of a pass has more than this share of the norm before the pass, the remainder is orthogonal to working precision.
+/// Otherwise cancellation has amplified the rounding errors, and another pass may be needed. 1/√2 is the choice of Daniel, Gragg, Kaufman
+/// and Stewart, *Reorthogonalization and stable algorithms for updating the Gram–Schmidt QR factorization*, Math. Comp. 30 (1976),
+/// doi:10.1090/S0025-5718-1976-0431641-8.
 pub(super) const ENOUGH_LEFT: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// Inner products of at most this share of the norm are rounding errors, so another pass would gain nothing.
+/// Inner products of at most this share of the norm are rounding errors, so another pass would not reduce them.
 const NEGLIGIBLE: f64 = 8.0 * f64::EPSILON;
 
-/// Returns true if what is left of a vector exceeds the rounding errors of sums of `n` terms of this size.
+/// Returns true if the norm `left` of a remainder exceeds the rounding errors of sums of `n` terms of norm `size`.
 pub(super) fn exceeds_rounding(left: f64, size: f64, n: usize) -> bool {
     left > size * f64::EPSILON * (10.0 + (n as f64).sqrt())
 }
 
-/// The most passes. "Twice is enough" (Giraud, Langou, Rozložník and van den Eshof, doi:10.1007/s00211-005-0615-4) holds for a `w` that is
-/// not in the span to working precision. A vector in the span shrinks to rounding errors, and its norm shows this.
+/// The largest number of passes. "Twice is enough" (Giraud, Langou, Rozložník and van den Eshof, doi:10.1007/s00211-005-0615-4) if `w` is
+/// not in the span to working precision. A vector in the span shrinks to rounding errors, so its small norm reveals it.
 pub(super) const PASSES: usize = 3;
 
 pub(super) struct Removed {
@@ -232,19 +233,19 @@ pub(super) struct Removed {
 
 /// `w ← (I − V Vᵀ) w` by blocked classical Gram–Schmidt with a selective second pass, for `V` with orthonormal columns.
 ///
-/// A pass takes all inner products and then removes all components. The inner products of the next pass are taken in the sweep that removes
-/// these components. `p` passes therefore read the basis `p + 1` times instead of `2p` times.
+/// A pass takes all inner products and then removes all components. While it removes them, the same sweep takes the inner products for the
+/// next pass. `p` passes therefore read the basis `p + 1` times instead of `2p` times.
 ///
 /// # Bound
 /// For `m` columns of `n` rows let `γ = (r + 2m + 12) ε/2`, with `r = 128 + n/512`. Inner products are sums over blocks of 512 rows in four
-/// lanes, over the blocks, and over a few ends (a relative error of `(r + 10) ε/2`); a removal rounds `m + 1` times. One pass leaves
-/// `‖Vᵀw‖ ≤ √k γ ‖w_before‖` for `k` columns that are orthonormal to working precision. Another pass is skipped in two cases only:
+/// lanes, over the blocks, and over a few remaining rows (a relative error of `(r + 10) ε/2`). A removal rounds `m + 1` times. One pass
+/// leaves `‖Vᵀw‖ ≤ √k γ ‖w_before‖` for `k` columns that are orthonormal to working precision. Another pass is skipped in two cases only:
 ///
-/// * More than `1/√2` of the norm is left (Daniel, Gragg, Kaufman and Stewart): `‖Vᵀw‖ ≤ √(2k) γ ‖w‖`.
-/// * The inner products with the rest, known at this point, are at most `8ε ‖w‖`: `‖Vᵀw‖ ≤ (8ε + √k γ) ‖w‖`.
+/// * The remainder `w` has more than `1/√2` of the norm (Daniel, Gragg, Kaufman and Stewart): `‖Vᵀw‖ ≤ √(2k) γ ‖w‖`.
+/// * The inner products with the remainder, which are already known, are at most `8ε ‖w‖`: `‖Vᵀw‖ ≤ (8ε + √k γ) ‖w‖`.
 ///
-/// In both cases, `m` columns have `‖I − VᵀV‖_F ≤ √(2 Σ_k ‖V_kᵀv_{k+1}‖²) ≤ m (√2 γ + 8ε)`, since the sum of `2k` over the columns is at
-/// most `m²`. A test checks this bound on hard cases.
+/// In both cases, `m` columns satisfy `‖I − VᵀV‖_F ≤ √(2 Σ_k ‖V_kᵀv_{k+1}‖²) ≤ m (√2 γ + 8ε)`, because the sum of `2k` over the columns is
+/// at most `m²`. A test checks this bound on difficult cases.
 pub(super) fn orthogonalize(basis: &Basis, w: &mut [f64]) -> Removed {
     let (mut next, mut length) = basis.dots_and_norm(0, w);
     let mut coefficients = vec![0.0; basis.len()];
@@ -289,7 +290,7 @@ mod tests {
         for row in [0, BLOCK - 1, BLOCK, rows - 1] {
             let expected: f64 = w[row]
                 - basis.columns()[1..].iter().zip(&dots).map(|(column, h)| column[row] * h).sum::<f64>();
-            // The coefficients reach 1300; five products of that size are rounded.
+            // The coefficients reach 1300. Five products of this size are rounded.
             assert!((expected - sum[row]).abs() < 1e-11);
         }
     }
@@ -309,7 +310,7 @@ mod tests {
     #[test]
     fn norm_neither_overflows_nor_underflows() {
         for scale in [1e-200, 1e200] {
-            // Quotient, square, sum, root and product are each rounded once.
+            // The quotient, the square, the sum, the root and the product are each rounded once.
             assert!((norm(&[3.0 * scale, 4.0 * scale]) / (5.0 * scale) - 1.0).abs() < 5.0 * f64::EPSILON);
         }
         assert_eq!(norm(&[0.0; 3]), 0.0);
@@ -363,7 +364,7 @@ mod tests {
                 let mut w: Vec<f64> = (0..n).map(|i| entry(i, k)).collect();
                 let before = norm(&w);
                 let removed = orthogonalize(&basis, &mut w);
-                // Otherwise the vector is in the span, to rounding.
+                // A vector with a smaller norm is in the span, to rounding.
                 if removed.norm > before * f64::EPSILON * (10.0 + (n as f64).sqrt()) {
                     basis.push_scaled(&w, removed.norm);
                 }

@@ -1,8 +1,8 @@
-//! The end of a search, and the eigenvalues that it may have missed.
+//! The end of a search for eigenvalues, and the eigenvalues that the search may have missed.
 //!
-//! A converged eigenvalue shows that the matrix has an eigenvalue there. It does not exclude others: a Krylov process finds one copy of a
-//! repeated eigenvalue, and nothing that is orthogonal to its start. Three claims are therefore separate: the *residual* of each value,
-//! whether *no value is missed*, and whether the answer is *exact* because all directions were spanned.
+//! A converged value shows that the matrix has an eigenvalue near it, but does not exclude further eigenvalues. A Krylov process finds only
+//! one copy of a repeated eigenvalue, and no eigenvector that is orthogonal to its start. A search therefore makes three separate claims:
+//! the *residual* of each value, whether *no value is missed*, and whether the result is *exact* because all directions were spanned.
 
 use std::fmt;
 use std::ops::ControlFlow;
@@ -14,16 +14,16 @@ use crate::error::{Error, Result};
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::Operator;
 
-/// The cost of a run, and the reason for its end.
+/// The cost of a run, and the reason why it ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stats {
     /// The number of products with the operator.
     pub products: usize,
-    /// The reason for its end.
+    /// The reason why the run ended.
     pub status: Status,
 }
 
-/// The reason for which a method ended. Displays as a sentence without its full stop.
+/// The reason why a method ended. It displays as a sentence without its full stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
     /// All requested results are within the tolerance.
@@ -34,16 +34,16 @@ pub enum Status {
     SpaceExhausted,
     /// The observer stopped the method; the result is the best so far.
     Stopped,
-    /// The residual is at the noise of the products, which is above the tolerance. Further steps would fit noise.
+    /// The residual is as small as the noise of the products, which is above the tolerance. Further steps would fit noise.
     NoiseFloor,
-    /// No vector has a smaller residual: the system cannot be solved exactly, and this is a least-squares solution.
+    /// No vector has a smaller residual. The system cannot be solved exactly, so the result is a least-squares solution.
     LeastSquares,
-    /// No vector inside the box has a smaller residual, as far as the products can tell.
+    /// No vector inside the box has a smaller residual, within the accuracy of the products.
     ConstrainedOptimum,
-    /// The iterate no longer moves.
+    /// The iterate no longer changes.
     Stalled,
-    /// The products show an operator that is not symmetric, but the method needs a symmetric one. The result is the best before the
-    /// asymmetry was found.
+    /// The products reveal that the operator is not symmetric, but the method needs a symmetric operator. The result is the best result
+    /// before the asymmetry was found.
     NotSymmetric,
     /// The method cannot continue, for this reason. The result is the best so far.
     Breakdown(&'static str),
@@ -70,14 +70,14 @@ impl fmt::Display for Status {
 ///
 /// The noise of the first products may hide an eigenvector along which a random start has only a component of about `1/√n`. All residuals
 /// are then within the noise although one of the largest eigenvalues is missing. Further steps in effect start from the noise, which is a
-/// random direction. Let the missing eigenvalue exceed the last wanted one by the share `ε`. Each step multiplies the component along its
-/// eigenvector by about `exp(2√ε)`, relative to the others (the growth of Chebyshev polynomials: Kuczyński and Woźniakowski,
-/// doi:10.1137/0613066). `½ ln n` steps raise `1/√n` to 1 for `ε = ¼`. An eigenvalue that is nearer to the last wanted one may still be
-/// missed.
+/// random direction. Suppose that the missing eigenvalue exceeds the last wanted eigenvalue by the share `ε`. Each step then multiplies the
+/// component along the missing eigenvector by about `exp(2√ε)`, relative to the other components (the growth of Chebyshev polynomials:
+/// Kuczyński and Woźniakowski, doi:10.1137/0613066). For `ε = ¼`, `½ ln n` steps raise the component from `1/√n` to 1. An eigenvalue that
+/// is nearer to the last wanted eigenvalue may still be missed.
 #[derive(Debug)]
 pub(super) struct FurtherSteps {
     steps: usize,
-    /// How many times in a row the end was postponed.
+    /// The number of consecutive steps that postponed the end.
     put_off: usize,
 }
 
@@ -88,8 +88,8 @@ impl FurtherSteps {
         Self { steps: steps as usize, put_off: 0 }
     }
 
-    /// Decides how the search ends after this step. `reached` is the status that the residuals have reached. An end at the noise floor is
-    /// postponed.
+    /// Decides whether the search ends after this step, and with which status. `reached` is the status that the residuals have reached. An
+    /// end at the noise floor is postponed.
     pub(super) fn end(&mut self, reached: Option<Status>) -> Option<Status> {
         if reached != Some(Status::NoiseFloor) {
             self.put_off = 0;
@@ -103,26 +103,26 @@ impl FurtherSteps {
     }
 }
 
-/// The confirmation of a search. A Gaussian vector, orthogonal to all eigenvectors found, starts another Lanczos process. If the search
-/// missed an eigenvalue beyond the last one found, this process finds one too, except with a small chance.
+/// The confirmation of a search for eigenvalues. A Gaussian vector, orthogonal to all eigenvectors found, starts another Lanczos process.
+/// If the search missed an eigenvalue beyond the last eigenvalue found, this process finds one too, except with a small chance.
 ///
-/// The largest Ritz value `ξ` of `q` Lanczos steps, from a direction that is uniform on the sphere of `n` dimensions, satisfies
-/// `λ_max ≤ ξ + ε (λ_max − λ_min)`, except with a chance of `1.648 √n e^(−√ε (2q−1))`. By Courant and Fischer, the largest eigenvalue on
-/// the complement of any `k` vectors is at least the `k+1`st of the whole matrix.
+/// Start a Lanczos process of `q` steps in a direction that is uniform on the sphere of `n` dimensions, and let `ξ` be its largest Ritz
+/// value. Then `λ_max ≤ ξ + ε (λ_max − λ_min)`, except with a chance of `1.648 √n e^(−√ε (2q−1))`. By Courant and Fischer, the largest
+/// eigenvalue on the complement of any `k` vectors is at least the `k+1`st eigenvalue of the whole matrix.
 ///
 /// Kuczyński and Woźniakowski, *Estimating the largest eigenvalue by the power and Lanczos algorithms with a random start* (1992),
 /// doi:10.1137/0613066, theorem 4.2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Confirm {
-    /// `ε`, in (0, ½]. An eigenvalue may be missed if it lies beyond the last one found by at most this share of the spectrum's spread
-    /// `λ_max − λ_min`. Default 0.01.
+    /// `ε`, in (0, ½]. The confirmation may miss an eigenvalue that lies beyond the last eigenvalue found by at most this share of the
+    /// spectrum's spread `λ_max − λ_min`. Default 0.01.
     pub share: f64,
-    /// `δ`, in (0, ½]: the chance of missing an eigenvalue that lies further out, for each vector that is drawn. Default 0.001.
+    /// `δ`, in (0, ½]: the chance, for each vector drawn, of missing an eigenvalue that lies further out. Default 0.001.
     pub chance: f64,
-    /// The most products. Default: no limit.
+    /// The largest number of products. Default: no limit.
     pub products: usize,
     /// True if the noise given to the search is part of the matrix itself and equal in all products, like the noise of a finite number of
-    /// light paths. The products then give the matrix exactly. Default false.
+    /// light paths. The products of this noisy matrix are then exact. Default false.
     pub is_frozen: bool,
 }
 
@@ -133,17 +133,17 @@ impl Default for Confirm {
 }
 
 impl Confirm {
-    /// The number of products `q` of one process in a space of `n` dimensions: 20, 28 and 62 at `n = 16,384` and `δ = 0.001` for `ε` of
-    /// 0.1, 0.05 and 0.01. It is at most `n`, because `n` products span the space.
+    /// The number of products `q` of one process in a space of `n` dimensions. For `n = 16,384` and `δ = 0.001`, it is 20, 28 and 62 at an
+    /// `ε` of 0.1, 0.05 and 0.01. It is at most `n`, because `n` products span the space.
     pub fn steps(&self, n: usize) -> usize {
         let steps = 0.5 * ((1.648 * (n as f64).sqrt() / self.chance).ln() / self.share.sqrt() + 1.0);
         // The value is at most 10¹⁰, for the smallest share that `check` admits.
         (steps.ceil() as usize).clamp(1, n.max(1))
     }
 
-    /// Chooses the confirmation of a search. If `is_free`, the search is always confirmed, as `asked` or with the defaults. Otherwise it is
-    /// confirmed as `asked`. If nothing was asked for and random vectors have continued a search that `broke_down`, the products that are
-    /// `left` confirm it.
+    /// Chooses the confirmation of a search. If products cost nothing (`is_free`), the search is always confirmed, as `asked` or with the
+    /// defaults. Otherwise it is confirmed only as `asked`, with one exception: if nothing was asked for and random vectors have continued
+    /// a search that `broke_down`, the `left` remaining products confirm it.
     pub(super) fn of(asked: Option<Self>, is_free: bool, broke_down: bool, left: usize) -> Option<Self> {
         match (asked, is_free) {
             (asked, true) => Some(Self { is_frozen: true, ..asked.unwrap_or_default() }),
@@ -152,13 +152,13 @@ impl Confirm {
         }
     }
 
-    /// On a rig, limits the products to the number for two vectors; the first vector may find an eigenvalue that the search has missed.
+    /// On a rig, limits the products to two vectors, because the first vector may find an eigenvalue that the search has missed.
     #[must_use]
     pub fn on_rig(self, n: usize) -> Self {
         Self { products: self.products.min(2 * self.steps(n)), ..self }
     }
 
-    /// The share `ε` that `steps` steps in `n` dimensions reach.
+    /// The share `ε` for which a confirmation of `steps` steps in `n` dimensions holds.
     pub(super) fn share_of(&self, steps: usize, n: usize) -> f64 {
         let factor = (1.648 * (n as f64).sqrt() / self.chance).ln() / (2 * steps).saturating_sub(1) as f64;
         (factor * factor).max(self.share)
@@ -175,9 +175,9 @@ impl Confirm {
     }
 }
 
-/// Lets `work` take products that only confirm an answer, and tells it whether they cost nothing. Returns this flag and the result of
-/// `work`. The result is `None` if recorded photos of a run answer, because they hold only the photos that the run asked for. Fails with
-/// the errors of `work`.
+/// Runs `work`, whose products only confirm a result, and tells it whether products cost nothing. Returns this flag and the result of
+/// `work`. The result is `None` if the products come from the recorded photos of a run, because these include no photos for a confirmation.
+/// Fails with the errors of `work`.
 pub fn confirming<O: Operator + ?Sized, T>(
     operator: &mut O,
     work: impl FnOnce(&mut O, bool) -> Result<T>,
@@ -191,55 +191,55 @@ pub fn confirming<O: Operator + ?Sized, T>(
     }
 }
 
-/// Reports a step of a confirmation to the observer. Fails with [`Error::Interrupted`] if the observer stops it.
+/// Reports a step of a confirmation to the observer. Fails with [`Error::Interrupted`] if the observer stops the confirmation.
 pub(super) fn confirming_step(observer: &dyn Observer, done: usize, total: usize) -> Result<()> {
     let (done, total) = (done as u64, total.max(done) as u64);
     let flow = observer.step(&Step { stage: "confirming", done, total, estimate: Estimate::None });
     if flow.is_break() { Err(Error::Interrupted) } else { Ok(()) }
 }
 
-/// The largest useful share: beyond half of the spectrum's spread, a confirmation says nothing.
+/// The largest useful share `ε`. Beyond half of the spectrum's spread, a confirmation says nothing.
 pub(super) const MOST: f64 = 0.5;
 
-/// A new pair may use this many times the steps of a confirmation to converge.
+/// A new pair may take this many times the steps of a confirmation to converge.
 const PATIENCE: usize = 10;
 
-/// A search whose answer further processes confirm, each on the complement of the pairs found so far.
+/// A search that further processes confirm. Each process runs on the complement of the pairs found so far.
 pub(super) trait Confirmable {
     type Process;
     type Pair;
 
     /// The dimension of the complement.
     fn free(&self) -> usize;
-    /// The number of steps for which products are left.
+    /// The number of further steps that the remaining products allow.
     fn left(&self) -> usize;
-    /// Starts the process of a round of about this many steps.
+    /// Starts the process of round `round`, which will take about `steps` steps.
     fn begin(&self, round: u64, steps: usize) -> Result<Self::Process>;
-    /// Takes one step, the last of `total`.
+    /// Takes one step. `total` is the expected number of steps.
     fn step(&mut self, process: &mut Self::Process, total: usize) -> Result<()>;
-    /// The number of steps, and true if no further step is possible.
+    /// The number of steps taken, and true if no further step is possible.
     fn progress(process: &Self::Process) -> (usize, bool);
     /// The error of the products with unit vectors.
     fn error(&self, process: Option<&Self::Process>) -> f64;
-    /// The pairs of the process beyond the pairs found, the most wanted first.
+    /// The pairs of the process beyond the pairs found so far, the most wanted first.
     fn beyond(&self, process: &Self::Process) -> Result<Vec<Self::Pair>>;
     /// Returns true if more steps would improve one of these pairs.
     fn is_open(&self, pairs: &[Self::Pair]) -> bool;
-    /// Inserts pairs in their order, and keeps the requested number.
+    /// Inserts the missed pairs in their order, and keeps only the requested number of pairs.
     fn insert(&mut self, process: &Self::Process, missed: &[Self::Pair]) -> Result<()>;
-    /// The limits of [`Confirmed`], for this share of the spread.
+    /// The limits of [`Confirmed`] for this share `ε`.
     fn limits(&self, process: &Self::Process, share: f64) -> Result<[Option<f64>; 2]>;
 }
 
-/// Confirms the `count` pairs of a search. Returns the claim, and true if a pair that was missed has not converged.
+/// Confirms the `count` pairs of a search. Returns the claim, and true if a missed pair was found but has not converged.
 pub(super) fn confirm_by<S: Confirmable>(
     search: &mut S,
     confirm: &Confirm,
     count: usize,
 ) -> Result<(Completeness, bool)> {
-    // The claim when products with this error have spanned all directions.
+    // The claim if all directions are spanned by products with this error.
     let spanned = |error: f64| if error > 0.0 { Completeness::NotExcluded } else { Completeness::Exact };
-    // Each round inserts at least one pair, so the number of rounds is at most the number of copies.
+    // Each round but the last inserts at least one pair, so the number of rounds is limited by the number of copies.
     for round in 0..4 * count as u64 + 8 {
         let free = search.free();
         if free == 0 {
@@ -283,10 +283,11 @@ pub(super) fn confirm_by<S: Confirmable>(
     Ok((Completeness::NotExcluded, false))
 }
 
-/// The tolerance within which a value of a process may lie beyond a converged one and still be the same. It adds the tolerance, rounding,
-/// noise, and the residuals of the pairs found, which bound their coupling to the complement; `scale` is the norm of the operator. `m`
-/// products whose errors have the norm `e` and are spread evenly over `n` entries change a value by at most about `2e √(m/n)`. They change
-/// the operator that the process sees by about `2e (1 + √(m/n))`: `operator` is 1 for this change, and 0 for a value.
+/// The tolerance within which a value of a process may lie beyond a converged value and still count as the same value. It sums four terms:
+/// the search tolerance times the norm `scale` of the operator, rounding, the norm of the residuals of the pairs found (which bounds their
+/// coupling to the complement), and noise. `m` products whose errors have the norm `e` and are spread evenly over `n` entries change a
+/// value by at most about `2e √(m/n)`. They change the operator that the process sees by about `2e (1 + √(m/n))`. The argument `operator`
+/// is 1 for a change of the operator, and 0 for a change of a value.
 pub(super) fn slack(
     (tolerance, scale): (f64, f64),
     (steps, n): (usize, usize),
@@ -299,7 +300,7 @@ pub(super) fn slack(
     tolerance * scale + rounding + norm(residuals) + 2.0 * error * ((steps / n).sqrt() + operator)
 }
 
-/// The rows of a history, which the observer sees first.
+/// Records the rows of a history after the observer has seen them.
 pub(super) struct Recorder {
     budget: usize,
     pub(super) history: Vec<HistoryRow>,
@@ -329,33 +330,33 @@ impl Recorder {
     }
 }
 
-/// The claim about eigenvalues (or singular values) that a search may have missed. Displays as a sentence without its full stop.
+/// The claim about eigenvalues (or singular values) that a search may have missed. It displays as a sentence without its full stop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 #[serde(tag = "claim", rename_all = "kebab-case")]
 pub enum Completeness {
-    /// Further copies of a repeated value, and values whose vectors the search has not met, are not excluded.
+    /// The search may have missed further copies of a repeated value, and values whose vectors were not in its subspace.
     #[default]
     NotExcluded,
-    /// No value beyond the limits is missing, except with a small chance: see [`Confirm`].
+    /// No value beyond the limits is missing, except with a small chance (see [`Confirm`]).
     Confirmed(Confirmed),
-    /// All directions were spanned without noise: no value is missing.
+    /// No value is missing, because products without noise have spanned all directions.
     Exact,
 }
 
 /// The claim of a confirmed search.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Confirmed {
-    /// No value below the first limit or above the second is missing. The limits are `λ_k ± (ε (λ_max − λ_min) + tolerance + noise)`, with
-    /// the spread taken from the Ritz values. A limit is `None` at an end of the spectrum that was not requested.
+    /// No value below the first limit or above the second limit is missing. The limits are `λ_k ± (ε (λ_max − λ_min) + tolerance + noise)`,
+    /// with the spread `λ_max − λ_min` taken from the Ritz values. A limit is `None` at an end of the spectrum that was not requested.
     pub limits: [Option<f64>; 2],
     /// `ε` of [`Confirm`].
     pub share: f64,
-    /// The chance that this claim is wrong: the sum over the vectors that were drawn.
+    /// The chance that this claim is wrong: the sum of the chances of all vectors drawn.
     pub chance: f64,
 }
 
 impl Completeness {
-    /// Extends the claim of the last of several vectors to the `others` before it: the chances add up.
+    /// Extends this claim, made for the last of several vectors, to the `others` vectors before it. The chances add up.
     #[must_use]
     pub fn after(self, others: u64) -> Self {
         match self {
@@ -372,7 +373,7 @@ impl Completeness {
         }
     }
 
-    /// Returns true if no value is missing, for certain or except with a stated chance.
+    /// Returns true if it is known, for certain or except with a stated chance, that no value is missing.
     pub fn is_known(&self) -> bool {
         *self != Self::NotExcluded
     }
@@ -426,7 +427,7 @@ mod tests {
         assert_eq!([0.1, 0.05, 0.01].map(steps), [20, 28, 62]);
         let confirm = Confirm::default();
         assert_eq!((confirm.steps(5), confirm.steps(1)), (5, 1), "as many span the space");
-        // Fewer steps reach a larger share, and that share needs no more steps.
+        // A confirmation of 28 steps holds for a larger share `ε`, and this share needs at most 28 steps.
         let share = confirm.share_of(28, 16_384);
         assert!((0.045..0.05).contains(&share), "{share}");
         assert!(Confirm { share, ..confirm }.steps(16_384) <= 28);

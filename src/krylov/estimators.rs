@@ -1,9 +1,7 @@
-//! Randomized estimators that use a few products with random vectors: low-rank approximations, traces and the
-//! diagonal.
+//! Randomized estimators that use a few products with random vectors: low-rank approximations, traces and the diagonal.
 //!
-//! Every estimator takes a seed and a number of products that is known in advance, and returns an error
-//! estimate. The vectors depend only on the seed, so a journal of products repeats the same result after a
-//! failure.
+//! Every estimator takes a seed and a number of products that is known in advance, and returns an error estimate. The vectors depend only
+//! on the seed, so a journal of products repeats the same result after a failure.
 //!
 //! | estimator | products | needs |
 //! |---|---|---|
@@ -42,14 +40,14 @@ impl Estimate {
     }
 }
 
-/// The options of a low-rank approximation. They fix its cost.
+/// The options of a low-rank approximation. They determine its number of products.
 #[derive(Clone, Debug)]
 pub struct LowRankOptions {
     /// The number of singular values, `k ≥ 1`. Default 10.
     pub rank: usize,
     /// The number of vectors beyond the rank in the sketch, `l = k + oversampling`. Default 10.
     pub oversampling: usize,
-    /// The rounds `A Aᵀ` of subspace iteration, `q`, for singular values that decay slowly. Default 0.
+    /// `q`, the number of rounds `A Aᵀ` of subspace iteration. More rounds help if singular values decay slowly. Default 0.
     pub power: usize,
     /// The number of products for the error estimate, at least 2. Default 4.
     pub probes: usize,
@@ -89,7 +87,7 @@ fn signs(n: usize, count: usize, seed: u64) -> Vec<Vec<f64>> {
     Start::Rademacher { seed }.block(n, count)
 }
 
-/// Passes each of `xs` with its product `A x`, checked for NaN, to `with`, in order.
+/// Calls `with` for each of `xs` and its product `A x`, in order. Products are checked for NaN.
 fn each_product(
     operator: &mut dyn Operator,
     xs: &[Vec<f64>],
@@ -102,14 +100,14 @@ fn each_product(
     })
 }
 
-/// `A x` for each of `xs`, checked for NaN.
+/// `A x` for each of `xs`. Products are checked for NaN.
 fn products_with(operator: &mut dyn Operator, xs: &[Vec<f64>]) -> Result<Vec<Vec<f64>>> {
     let mut ys = Vec::with_capacity(xs.len());
     each_product(operator, xs, |_, y| ys.push(y))?;
     Ok(ys)
 }
 
-/// `Aᵀ y` for each of `ys`, checked for NaN.
+/// `Aᵀ y` for each of `ys`. Products are checked for NaN.
 fn adjoint_products(operator: &mut dyn Adjoint, ys: &[Vec<f64>]) -> Result<Vec<Vec<f64>>> {
     let size = operator.block_size().max(1);
     let mut xs = vec![vec![0.0; operator.cols()]; ys.len()];
@@ -120,8 +118,8 @@ fn adjoint_products(operator: &mut dyn Adjoint, ys: &[Vec<f64>]) -> Result<Vec<V
     Ok(xs)
 }
 
-/// `Q R = Y`: an orthonormal basis of the span, without dependent vectors, and for each vector its
-/// coefficients on the basis so far.
+/// Factors `Q R = Y`. Returns an orthonormal basis `Q` without dependent vectors, and each vector's coefficients on the basis vectors so
+/// far.
 fn orthonormal(vectors: &[Vec<f64>], rows: usize) -> (Basis, Vec<Vec<f64>>) {
     let mut basis = Basis::new(rows);
     let mut coefficients = Vec::with_capacity(vectors.len());
@@ -149,12 +147,10 @@ fn combine(basis: &Basis, s: &[f64]) -> Vec<f64> {
 /// The estimate is unbiased. The variance of one sample is `2 Σ_{i≠j} ((A_ij + A_ji)/2)²`, so the estimate is
 /// exact for a diagonal `A`. The standard error falls as `1/√products`.
 ///
-/// References: Hutchinson, *A stochastic estimator of the trace of the influence matrix* (1989),
-/// doi:10.1080/03610918908812806.
+/// References: Hutchinson, *A stochastic estimator of the trace of the influence matrix* (1989), doi:10.1080/03610918908812806.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `A` is not square; [`Error::Numerical`] for
-/// NaN; the error of a product.
+/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `A` is not square; [`Error::Numerical`] for NaN; the error of a product.
 pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<Estimate> {
     let n = square(operator)?;
     at_least(products, 2, "--photos")?;
@@ -165,14 +161,12 @@ pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Re
 
 /// Estimates `tr A` for `A` of `n × n` by Hutch++, from `products ≥ 6` products.
 ///
-/// `Q` is an orthonormal basis of `A S`, from a third of the products, and
-/// `tr A = tr QᵀAQ + tr (I − QQᵀ) A (I − QQᵀ)`. Another third gives the first part exactly. The rest gives
-/// Hutchinson's estimate of the second part. For a positive semidefinite `A` the relative error falls as
-/// `1/products`, against `1/√products` for Hutchinson's estimate alone. The estimate is unbiased for any `A`.
-/// The standard error is the standard error of the second part. Fails with the errors of [`hutchinson`].
+/// `Q` is an orthonormal basis of `A S`, from a third of the products, and `tr A = tr QᵀAQ + tr (I − QQᵀ) A (I − QQᵀ)`. Another third gives
+/// the first term exactly. The remaining products give Hutchinson's estimate of the second term, whose standard error is the standard error
+/// of the result. For a positive semidefinite `A` the relative error falls as `1/products`, against `1/√products` for Hutchinson's estimate
+/// alone. The estimate is unbiased for any `A`. Fails with the errors of [`hutchinson`].
 ///
-/// References: Meyer, Musco, Musco and Woodruff, *Hutch++: optimal stochastic trace estimation* (2021),
-/// doi:10.1137/1.9781611976496.16.
+/// References: Meyer, Musco, Musco and Woodruff, *Hutch++: optimal stochastic trace estimation* (2021), doi:10.1137/1.9781611976496.16.
 pub fn hutch_plus_plus(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<Estimate> {
     let n = square(operator)?;
     at_least(products, 6, "--photos")?;
@@ -182,7 +176,7 @@ pub fn hutch_plus_plus(operator: &mut dyn Operator, products: usize, seed: u64) 
     let (basis, _) = orthonormal(&products_with(operator, &probes)?, n);
     let mut exact = 0.0;
     each_product(operator, basis.columns(), |column, photo| exact += dot(column, &photo))?;
-    // A sketch of lower rank leaves products over, which the second part uses.
+    // A sketch of lower rank needs fewer products for the first term. The second term uses the remaining products.
     let budget = products - third - basis.len();
     rest.truncate(budget);
     for probe in &mut rest {
@@ -201,21 +195,18 @@ pub fn hutch_plus_plus(operator: &mut dyn Operator, products: usize, seed: u64) 
 pub struct DiagonalEstimate {
     /// The unbiased estimates of `A_ii` (`n` values).
     pub values: Vec<f64>,
-    /// The standard error of each value, from the spread of the samples (`n`).
+    /// The standard error of each value, from the spread of the samples (`n` values).
     pub standard_errors: Vec<f64>,
     /// The number of products taken.
     pub products: usize,
 }
 
-/// Estimates the diagonal of `A` (`n × n`) as the mean of `ω ∘ Aω` over `products ≥ 2` vectors `ω` of random
-/// signs.
+/// Estimates the diagonal of `A` (`n × n`) as the mean of `ω ∘ Aω` over `products ≥ 2` vectors `ω` of random signs.
 ///
-/// Entry `i` of a sample has the variance `Σ_{j≠i} A_ij²`. The estimate is therefore exact for a diagonal
-/// `A`, and good for a transport matrix with mostly direct light. The standard error falls as `1/√products`.
-/// Fails with the errors of [`hutchinson`].
+/// Entry `i` of a sample has the variance `Σ_{j≠i} A_ij²`. The estimate is therefore exact for a diagonal `A`, and good for a transport
+/// matrix with mostly direct light. The standard error falls as `1/√products`. Fails with the errors of [`hutchinson`].
 ///
-/// References: Bekas, Kokiopoulou and Saad, *An estimator for the diagonal of a matrix* (2007),
-/// doi:10.1016/j.apnum.2007.01.003.
+/// References: Bekas, Kokiopoulou and Saad, *An estimator for the diagonal of a matrix* (2007), doi:10.1016/j.apnum.2007.01.003.
 pub fn diagonal(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<DiagonalEstimate> {
     let n = square(operator)?;
     at_least(products, 2, "--photos")?;
@@ -223,8 +214,7 @@ pub fn diagonal(operator: &mut dyn Operator, products: usize, seed: u64) -> Resu
     let mut taken = 0.0;
     each_product(operator, &signs(n, products, seed), |probe, photo| {
         taken += 1.0;
-        // Welford's update, doi:10.1080/00401706.1962.10490022, avoids cancellation where the diagonal is
-        // large.
+        // Welford's update, doi:10.1080/00401706.1962.10490022, avoids cancellation where the diagonal is large.
         for (i, (sign, value)) in probe.iter().zip(&photo).enumerate() {
             let sample = sign * value;
             let before = sample - mean[i];
@@ -246,26 +236,22 @@ pub struct RandomizedSvd {
     pub left: Vec<Vec<f64>>,
     /// `W`: one orthonormal vector of length `cols` for each value.
     pub right: Vec<Vec<f64>>,
-    /// An estimate of `‖A − Q QᵀA‖_F²`, the squared Frobenius norm of the part of `A` outside the whole
-    /// sketch (`l` vectors).
+    /// An estimate of `‖A − Q QᵀA‖_F²`, the squared Frobenius norm of the part of `A` outside the whole sketch (`l` vectors).
     pub missed_square: Estimate,
     /// The number of products with `A` and `Aᵀ` together.
     pub products: usize,
 }
 
-/// Computes the leading singular values and vectors of `A` (`rows × cols`) from a random sketch. `Q` is an
-/// orthonormal basis of `(A Aᵀ)^q A Ω` for `l` vectors of random signs; a small decomposition of `QᵀA`
-/// follows.
+/// Computes the leading singular values and vectors of `A` (`rows × cols`) from a random sketch. `Q` is an orthonormal basis of
+/// `(A Aᵀ)^q A Ω`, where the columns of `Ω` are `l` vectors of random signs. A small decomposition of `QᵀA` follows.
 ///
-/// If the singular values decay, the expected error is the error of the best rank-`k` approximation times a
-/// factor near 1. If they do not, a round of subspace iteration (`power`) helps and costs `2 l` products.
-/// Each round is orthonormalized.
+/// If the singular values decay, the expected error is the error of the best rank-`k` approximation times a factor near 1. Otherwise, a
+/// round of subspace iteration (`power`) helps and costs `2 l` products. Each round is orthonormalized.
 ///
-/// [`LowRankOptions`] has the rank `k`, the sketch `l = k + oversampling`, `q` and the probes. The function
-/// takes `2 (q + 1) l + probes` products (fewer if the sketch is rank-deficient).
+/// [`LowRankOptions`] gives the rank `k`, the width `l = k + oversampling` of the sketch, `q` and the number of probes. The function takes
+/// `2 (q + 1) l + probes` products (fewer if the sketch is rank-deficient).
 ///
-/// References: Halko, Martinsson and Tropp, *Finding structure with randomness* (2011),
-/// doi:10.1137/090771806.
+/// References: Halko, Martinsson and Tropp, *Finding structure with randomness* (2011), doi:10.1137/090771806.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--rank` or `--probes`; [`Error::Numerical`] for NaN; the error of a product.
@@ -284,7 +270,7 @@ pub fn randomized_svd(operator: &mut dyn Adjoint, options: &LowRankOptions) -> R
         taken += back.len() + sketch.len();
         basis = orthonormal(&sketch, rows).0;
     }
-    // B = QᵀA with its rows as vectors; B = Rᵀ Pᵀ with AᵀQ = P R.
+    // The rows of B = QᵀA as vectors. With AᵀQ = P R, B = Rᵀ Pᵀ.
     let rows_of_b = adjoint_products(operator, basis.columns())?;
     taken += rows_of_b.len();
     let (co, factor) = orthonormal(&rows_of_b, cols);
@@ -316,8 +302,7 @@ pub fn randomized_svd(operator: &mut dyn Adjoint, options: &LowRankOptions) -> R
 mod tests {
     use super::Estimate;
 
-    /// Deviations of −3, 0 and 3 have a variance of 9 with two degrees of freedom; the variance of the mean
-    /// is a third of it.
+    /// Deviations of −3, 0 and 3 have a variance of 9 with two degrees of freedom. The variance of the mean is a third of this variance.
     #[test]
     fn an_estimate_is_the_mean_with_its_standard_error() {
         let found = Estimate::of(&[1.0, 4.0, 7.0], 5);

@@ -1,11 +1,11 @@
 //! Kernels over one block of rows, which stays in the cache while the columns are read from memory.
 //!
-//! Columns are taken eight at a time, then four, then one. The block is then read an eighth as often, and eight streams from memory hide
-//! one another's latency. The order of additions depends only on the length and the number of columns.
+//! Columns are taken in groups of eight, then of four, then singly. With groups of eight, the block is read an eighth as often, and the
+//! latencies of eight streams from memory overlap. The order of additions depends only on the length and the number of columns.
 //!
-//! Each kernel is compiled twice, once for registers of four numbers (AVX2), and the processor decides. Both versions round products and
-//! sums separately, so their results are bitwise equal. With AVX2, the work on a column in the cache takes half the time and hides behind
-//! the memory access.
+//! Each kernel is compiled twice: for all processors, and for processors with registers of four numbers (AVX2). The version is chosen at
+//! run time. Both versions round products and sums separately, so their results are bitwise equal. With AVX2, the work on a column in the
+//! cache takes half the time and overlaps with the memory access.
 
 #![allow(
     unsafe_code,
@@ -15,13 +15,13 @@
 /// The number of columns that are read at the same time.
 const TOGETHER: usize = 8;
 
-/// The number of columns in a group if fewer than that remain.
+/// The number of columns in a group if fewer than [`TOGETHER`] columns remain.
 const HALF: usize = 4;
 
-/// The number of partial sums of each column, so that the compiler can use vector registers. It may not reorder a single sum.
+/// The number of partial sums of each column. With partial sums, the compiler can use vector registers; it may not reorder a single sum.
 const LANES: usize = 4;
 
-/// Calls a kernel in the version for the widest registers of this processor.
+/// Calls the version of a kernel for the widest registers of this processor.
 macro_rules! widest {
     ($kernel:ident($($argument:ident: $type:ty),*) -> $result:ty) => {{
         #[cfg(target_arch = "x86_64")]
@@ -39,7 +39,7 @@ macro_rules! widest {
     }};
 }
 
-/// Evaluates a call for each group of columns, cut to the rows of a block, with the index of the group's first column.
+/// Evaluates a call for each group of columns, cut to the rows of a block. The call also receives the index of the group's first column.
 macro_rules! in_groups {
     ($columns:ident, $start:expr, $rows:expr, |$first:ident, $group:ident| $call:expr) => {{
         let (eights, rest) = $columns.as_chunks::<TOGETHER>();
@@ -198,7 +198,7 @@ fn add_of<const K: usize, const M: usize>(
 }
 
 /// For the rows of one block, which begins at `start`, computes `Vᵀ w`, then `u ← u − V s` and `w ← w − V q`, for the coefficients
-/// `(s, q)`. The inner products with a group of columns are taken before this group and later groups are removed from `w`.
+/// `(s, q)`. The inner products with a group of columns are taken while `w` still contains the parts along this group and later groups.
 pub(super) fn settle_block(
     columns: &[Vec<f64>],
     by: Pair<'_>,
@@ -260,7 +260,7 @@ mod tests {
         let wave = |n: usize, step: f64| -> Vec<f64> { (0..n).map(|i| (i as f64 * step).sin()).collect() };
         let columns: Vec<Vec<f64>> = (0..13).map(|k| wave(111, 0.3 + k as f64)).collect();
         let (s, q) = (wave(13, 0.9), wave(13, 1.7));
-        // The functions without a suffix are compiled for every processor, the `_block` functions for this one.
+        // The functions without a suffix are compiled for every processor, and the `_block` functions for the processor that runs the test.
         let mut found = [const { Vec::new() }; 2];
         for (is_wide, found) in [false, true].into_iter().zip(&mut found) {
             let (mut u, mut w) = (wave(103, 0.2), wave(103, 0.7));

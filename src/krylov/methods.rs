@@ -19,7 +19,7 @@ pub enum Constraint {
     Box,
 }
 
-/// The needs, storage and cost of a method.
+/// The requirements, storage and cost of a method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MethodFacts {
     /// The method.
@@ -30,22 +30,22 @@ pub struct MethodFacts {
     pub needs_transpose: bool,
     /// True if the method refuses an operator that is not symmetric.
     pub needs_symmetry: bool,
-    /// The constraint on its iterates.
+    /// The constraint that all iterates satisfy.
     pub constraint: Constraint,
-    /// The fixed number of stored vectors of length `n`, including right-hand side and solution.
+    /// The fixed number of stored vectors of length `n`, including the right-hand side and the solution.
     pub images: usize,
     /// The number of further stored vectors per product.
     pub images_per_product: usize,
-    /// The number of products before the first iteration, from the default start (with [`SolveOptions::diagonal`] for the methods with
-    /// bounds).
+    /// The number of products before the first iteration, from the default start. The methods with bounds are assumed to have
+    /// [`SolveOptions::diagonal`].
     pub products_to_start: usize,
     /// The number of products per iteration.
     pub products_per_iteration: usize,
 }
 
-/// Declares one method per line. The line has the name here and on the command line, the needs for `Aᵀ` and `A = Aᵀ`, the constraint, the
-/// images and the images per product, the products before the first iteration and per iteration. Last comes the function that makes the
-/// state from `cols`, `b` and the options.
+/// Declares one method per line. A line lists the name here and on the command line, the requirements for `Aᵀ` and `A = Aᵀ`, the
+/// constraint, the images and the images per product, and the products before the first iteration and per iteration. It ends with the
+/// function that makes the state of the method from `cols`, `b` and the options.
 macro_rules! methods {
     ($($method:ident $name:literal [$transpose:literal, $symmetry:literal] $constraint:ident [$images:literal, $more:literal]
         [$start:literal, $products:literal] $new:expr;)*) => {
@@ -99,7 +99,7 @@ methods! {
 }
 
 impl Method {
-    /// The needs, storage and cost of the method.
+    /// The requirements, storage and cost of the method.
     pub fn facts(self) -> MethodFacts {
         METHODS[self as usize]
     }
@@ -107,7 +107,7 @@ impl Method {
     /// Finds the method with this name.
     ///
     /// # Errors
-    /// [`Error::Option`] naming `--method` and all names.
+    /// [`Error::Option`] naming `--method` and all method names.
     pub fn from_name(name: &str) -> Result<Self> {
         METHODS.iter().find(|facts| facts.name == name).map(|facts| facts.method).ok_or_else(|| {
             let names: Vec<&str> = METHODS.iter().map(|facts| facts.name).collect();
@@ -119,8 +119,7 @@ impl Method {
     /// Makes the method's state before its first step, for `b` and `x` of length `cols`.
     ///
     /// # Errors
-    /// The errors of the method's `new`. [`Error::Dimension`] if the method is for square systems and `cols` differs from the length of
-    /// `b`.
+    /// The errors of the method's `new`. [`Error::Dimension`] if the method is for square systems and `b` does not have the length `cols`.
     pub fn solver(self, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
         if !matches!(self, Self::Lsqr | Self::Lsmr) {
             square(b.len(), cols)?;
@@ -129,13 +128,13 @@ impl Method {
     }
 }
 
-/// Solves `A x = b`, `A` of `rows × cols` and `b` of length `rows`, by any method, within a budget of products.
+/// Solves `A x = b`, with `A` of `rows × cols` and `b` of length `rows`, by any method, within a budget of products.
 ///
-/// A method that needs `Aᵀ` takes products with `A` instead if `A` is symmetric. Otherwise it fails; use [`solve_adjoint`].
+/// If a method needs `Aᵀ`, `A` must be symmetric, and the method multiplies by `A` instead. For other operators, use [`solve_adjoint`].
 ///
 /// # Errors
-/// The errors of [`Method::solver`] and [`solve_from`]. To keep the products taken before an operator failed, make the solver separately
-/// and use [`solve_from`].
+/// The errors of [`Method::solver`] and [`solve_from`]. If an operator fails, the products taken so far are lost. To keep them, make the
+/// solver separately and use [`solve_from`].
 pub fn solve(
     method: Method,
     operator: &mut dyn Operator,

@@ -1,31 +1,28 @@
-//! Krylov methods: the largest eigenvalues of an operator, and more, from a few dozen products.
+//! Krylov methods: eigenvalues, singular values and solutions of linear systems from a few dozen products with an operator.
 //!
 //! A product may be a photo, so the cost of a method is its number of products. A method has two parts:
 //!
-//! * A *factorization* ([`Factorization`], by a process of Lanczos or Arnoldi) takes exactly one product
-//!   per step. It can be stopped, inspected, saved and resumed after any step, and a product that fails leaves it
-//!   unchanged.
-//! * A *driver* computes eigenpairs from a factorization without any further product
-//!   ([`Factorization::ritz`]). It expands the factorization until the pairs are good enough or the budget is
-//!   spent ([`eigs()`]).
+//! * A *factorization* ([`Factorization`], by a Lanczos or Arnoldi process) takes exactly one product per step. It can be stopped,
+//!   inspected, saved and resumed after any step. If a product fails, the factorization is unchanged.
+//! * A *driver* ([`eigs()`]) computes eigenpairs from a factorization without any further product ([`Factorization::ritz`]). It expands the
+//!   factorization until the pairs are good enough or the budget is spent.
 //!
 //! | needs `A = Aᵀ` | method | finds | vectors of `n`, for `m` products |
 //! |---|---|---|---|
 //! | no | [`EigsMethod::Power`] | the eigenpair of largest magnitude | 4 |
 //! | yes | [`Factorization::lanczos`] | eigenpairs at the ends of the spectrum | `m + 2` |
-//! | yes | [`Factorization::block_lanczos`] | the same, with up to `b` copies of each | `m + b + 1` |
-//! | no | [`Factorization::arnoldi`] | complex eigenpairs at the rim of the spectrum | `m + 2` |
-//! | no, but `Aᵀ` | [`singular()`] | the largest singular values and their vectors | `m + 2` |
+//! | yes | [`Factorization::block_lanczos`] | eigenpairs at the ends of the spectrum, with up to `b` copies of each | `m + b + 1` |
+//! | no | [`Factorization::arnoldi`] | complex eigenpairs at the edge of the spectrum | `m + 2` |
+//! | no, but needs `Aᵀ` | [`singular()`] | the largest singular values and their vectors | `m + 2` |
 //!
-//! [`Solver`]s of the same kind solve linear systems, with or without a box around the solution: [`solve`]
-//! takes any [`Method`] of the table [`METHODS`], by value, with [`SolveOptions`].
+//! [`Solver`]s, which also take steps, solve linear systems, with or without bounds on the solution. [`solve`] runs any [`Method`] of the
+//! table [`METHODS`] with [`SolveOptions`].
 //!
-//! Results are bitwise equal from run to run and for any number of threads: sums are taken over fixed blocks
-//! of rows and added in the order of the rows.
+//! Results are bitwise equal from run to run and for any number of threads, because sums are taken over fixed blocks of rows and added in
+//! the order of the rows.
 //!
-//! The observer of the operator ([`Operator::observer`](crate::operator::Operator::observer)) sees each step,
-//! and may stop the method. The methods follow O'Toole and Kutulakos, *Light Transport Analysis by Krylov
-//! Subspace Illumination*, sections 3 and 4.
+//! The observer of the operator ([`Operator::observer`](crate::operator::Operator::observer)) sees each step, and may stop the method. The
+//! methods follow O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, sections 3 and 4.
 
 mod basis;
 mod boxed;

@@ -1,8 +1,7 @@
-//! Numbers of any size: systems and operators are divided by powers of two, so that no square or product of a few of their numbers
-//! overflows or vanishes.
+//! Systems and operators are divided by powers of two, so that no square and no product of a few of their numbers overflows or vanishes.
 //!
-//! Division by a power of two is exact. An answer is therefore equal, to rounding, to the answer of the same problem at ordinary size.
-//! Numbers of ordinary size are unchanged.
+//! Division by a power of two is exact. A result therefore equals, to rounding, the result of the same problem at ordinary size. Numbers of
+//! ordinary size are unchanged.
 
 use super::basis::norm;
 use super::eigen::{Eigs, HistoryRow};
@@ -10,11 +9,11 @@ use super::singular::Singular;
 use crate::error::{Error, Result};
 use crate::operator::{Adjoint, Operator, delegate};
 
-/// Numbers from `2^-SAFE` to `2^SAFE` are of ordinary size: a product of ten of them is far from the limits of double precision, at
-/// `2^±1022`.
+/// Numbers from `2^-SAFE` to `2^SAFE` are of ordinary size: a product of ten of them is far from `2^±1022`, the limits of double precision.
 const SAFE: i32 = 96;
 
-/// The exponent of the largest power of two not above a number. For zero it is far below all others, for an infinity far above.
+/// The exponent of the largest power of two not above a number. It is far below all other exponents for zero, and far above for an
+/// infinity.
 pub(super) fn exponent(size: f64) -> i32 {
     match size {
         0.0 => -1_000_000,
@@ -23,8 +22,7 @@ pub(super) fn exponent(size: f64) -> i32 {
     }
 }
 
-/// The exponent of the power of two by which numbers with this exponent are divided: 0 for numbers of ordinary size, for zero and for
-/// infinity.
+/// The exponent of the power of two that divides numbers with this exponent: 0 for numbers of ordinary size, for zero and for infinity.
 pub(super) fn power(exponent: i32) -> i32 {
     if (SAFE + 1..10_000).contains(&exponent.abs()) { exponent } else { 0 }
 }
@@ -46,7 +44,7 @@ pub(super) fn scale(values: &mut [f64], power: i32) {
     }
 }
 
-/// Computes the length of a vector. Fails with [`Error::Numerical`] if it is not finite; the message begins with `what` and names the
+/// Computes the length of a vector. Fails with [`Error::Numerical`] if it is not finite. The message begins with `what` and names the
 /// cause.
 pub(super) fn finite_norm(what: &str, vector: &[f64]) -> Result<f64> {
     let length = norm(vector);
@@ -62,7 +60,7 @@ pub(super) fn finite_norm(what: &str, vector: &[f64]) -> Result<f64> {
     }))
 }
 
-/// The length of a product. Fails with [`Error::Numerical`] if it is not finite.
+/// Computes the length of a product. Fails with [`Error::Numerical`] if the length is not finite.
 pub(super) fn finite_product(product: &[f64]) -> Result<f64> {
     let length = norm(product);
     if length.is_finite() {
@@ -71,13 +69,13 @@ pub(super) fn finite_product(product: &[f64]) -> Result<f64> {
     Err(Error::Numerical("a product with the operator holds a NaN or an infinity".into()))
 }
 
-/// An operator divided by a power of two, which the first product that is not zero chooses. If this power is not 1, the product ends with
-/// an error, and the caller begins again: quantities in the operator's original unit must be converted.
+/// An operator divided by a power of two, which is chosen at the first product that is not zero. If this power is not 1, that product
+/// fails, and the caller converts quantities in the operator's original unit and begins again.
 pub(super) struct Rescaled<'a, O: ?Sized> {
     operator: &'a mut O,
     power: Option<i32>,
     begins: bool,
-    /// The vectors and products of the first attempt, which need not be taken again.
+    /// The vectors and products of the first attempt. They need not be taken again.
     taken: Vec<[Vec<f64>; 2]>,
 }
 
@@ -145,7 +143,7 @@ impl<O: Adjoint + ?Sized> Adjoint for Rescaled<'_, O> {
     }
 }
 
-/// Multiplies the eigenvalues, and all quantities in their unit, by `2^power`.
+/// Multiplies the eigenvalues, and all quantities in the same unit, by `2^power`.
 pub(super) fn multiply_eigs(found: &mut Eigs, power: i32) -> Result<()> {
     found.completeness.multiply(power);
     let Eigs { values, imaginary_values, residuals, standard_errors, bounds, gap_bounds, history, .. } =
@@ -156,7 +154,7 @@ pub(super) fn multiply_eigs(found: &mut Eigs, power: i32) -> Result<()> {
     multiply(values, history, power)
 }
 
-/// Multiplies the singular values, and all quantities in their unit, by `2^power`.
+/// Multiplies the singular values, and all quantities in the same unit, by `2^power`.
 pub(super) fn multiply_singular(found: &mut Singular, power: i32) -> Result<()> {
     scale(&mut found.residuals, power);
     scale(&mut found.standard_errors, power);

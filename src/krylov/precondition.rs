@@ -18,8 +18,8 @@ use crate::operator::Operator;
 pub trait Preconditioner: Send + Sync {
     /// The dimension `n`, or `None` if the preconditioner fits any dimension.
     fn size(&self) -> Option<usize>;
-    /// `z ← M⁻¹ r`, both of length `n`; every entry of `z` is overwritten. Fails with the errors of a preconditioner that is itself an
-    /// operator.
+    /// `z ← M⁻¹ r`, both of length `n`; every entry of `z` is overwritten. If the preconditioner is itself an operator, it may fail with
+    /// the errors of that operator.
     fn apply(&self, r: &[f64], z: &mut [f64]) -> Result<()>;
     /// Returns true if `M` is symmetric and positive definite, as CG, MINRES, LSQR and LSMR require.
     fn is_positive_definite(&self) -> bool;
@@ -33,19 +33,20 @@ impl fmt::Debug for dyn Preconditioner {
 
 /// `M = diag(d)`: `M⁻¹ r = r / d`, entry by entry.
 ///
-/// With CG and MINRES this is symmetric scaling, `D^-½ A D^-½`. With `d = A 1` (the white photo), the spectrum of a non-negative symmetric
-/// `A` lies in [−1, 1]. With `d` equal to the direct image, `M⁻¹ A` is `I` plus scaled indirect light.
+/// With CG and MINRES, this preconditioner scales the system symmetrically, `D^-½ A D^-½`. With `d = A 1` (the white photo), the spectrum
+/// of the scaled `A` lies in [−1, 1] if `A` is symmetric and non-negative. With `d` equal to the direct image, `M⁻¹ A` is `I` plus scaled
+/// indirect light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Diagonal {
     entries: Vec<f64>,
 }
 
 impl Diagonal {
-    /// Makes `M = diag(entries)` from `n` non-negative numbers. Entries below `1e-6` of the largest (pixels that see no light) are raised
-    /// to this value, so that they do not dominate the quotient.
+    /// Makes `M = diag(entries)` from `n` non-negative numbers. Entries below `1e-6` of the largest entry (pixels that see no light) are
+    /// raised to this value, so that they do not dominate the quotient.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if an entry is negative, infinite or NaN, or if none is positive.
+    /// [`Error::Numerical`] if an entry is negative, infinite or NaN, or if no entry is positive.
     pub fn new(mut entries: Vec<f64>) -> Result<Self> {
         if let Some(index) = entries.iter().position(|entry| !entry.is_finite() || *entry < 0.0) {
             return Err(Error::Numerical(format!(
@@ -82,18 +83,18 @@ impl Preconditioner for Diagonal {
     }
 }
 
-/// The smallest share of the light that a measured band is assumed to keep.
+/// The smallest share of the light that is assumed for a measured band.
 const LEAST_SHARE: f64 = 0.1;
 
 /// `M⁻¹ = S (Σ_l g_l (P_l − P_{l+1})) S` on images of `height × width`.
 ///
-/// `P_l` replaces each block of `2^l × 2^l` pixels (cut off at the borders) by its mean; `P_0 = I`. The blocks are nested, so the bands
-/// `P_l − P_{l+1}` are orthogonal projectors. Band 0 contains differences between neighbours, the last band the means of the coarsest
-/// blocks. `M⁻¹` is symmetric, and positive definite because the gains are positive. `S = D^-½` if there is a diagonal
-/// ([`Multiscale::scaled_by`]), otherwise `I`.
+/// `P_l` replaces each block of `2^l × 2^l` pixels (cut off at the borders) by its mean, and `P_0 = I`. The blocks are nested, so the bands
+/// `P_l − P_{l+1}` are orthogonal projectors. Band 0 contains differences between neighbours, and the last band contains the means of the
+/// coarsest blocks. `M⁻¹` is symmetric, and positive definite because the gains are positive. `S` is `D^-½` if there is a diagonal
+/// ([`Multiscale::scaled_by`]), and `I` otherwise.
 ///
-/// Indirect light adds to the coarse scales of `A`, so gains that *fall* with `l` approximate its inverse. Defocus removes the fine scales.
-/// Inverting it would amplify noise, so gains that fall, or a small `g_0`, smooth instead.
+/// Indirect light adds to the coarse scales of `A`, so gains that *fall* with `l` approximate its inverse. Defocus removes the fine scales
+/// of `A`. Inverting defocus would amplify noise; gains that fall, or a small `g_0`, smooth instead.
 ///
 /// References: The bands form the two-dimensional Haar pyramid: Mallat (1989), doi:10.1109/34.192463.
 #[derive(Clone, Debug, PartialEq)]
@@ -122,10 +123,10 @@ impl Multiscale {
         Ok(Self { width, height, gains, scaling: Vec::new() })
     }
 
-    /// Puts this preconditioner between two divisions by `√d`, for a diagonal `d` of `n` positive entries.
+    /// Applies this preconditioner between two divisions by `√d`, for a diagonal `d` of `n` positive entries.
     ///
     /// # Errors
-    /// [`Error::Dimension`] if `d` does not have one entry per pixel; the errors of [`Diagonal::new`] for its values.
+    /// [`Error::Dimension`] if `d` does not have one entry per pixel; the errors of [`Diagonal::new`] if the values of `d` are not valid.
     pub fn scaled_by(mut self, diagonal: Vec<f64>) -> Result<Self> {
         let pixels = self.width * self.height;
         Error::check_size("the diagonal of a multiscale preconditioner", pixels, diagonal.len())?;
@@ -133,9 +134,9 @@ impl Multiscale {
         Ok(self)
     }
 
-    /// Measures the gains by one product `y = A x` with a random `x` of `n` signs, between the two divisions by `√d`, `d = A 1`. The gain
-    /// of a band is the inverse of its share `uᵀ(P_l − P_{l+1})w / uᵀ(P_l − P_{l+1})u` with `u = D^½ x`, `w = D^-½ y`. The share estimates
-    /// the mean of `D^-½ A D^-½` over the band (Hutchinson's estimator).
+    /// Measures the gains by one product `y = A x` with a random `x` of `n` signs. The preconditioner is scaled by `√d` on both sides, with
+    /// `d = A 1`. The gain of a band is the inverse of its share `uᵀ(P_l − P_{l+1})w / uᵀ(P_l − P_{l+1})u` with `u = D^½ x`, `w = D^-½ y`.
+    /// The share estimates the mean of `D^-½ A D^-½` over the band (Hutchinson's estimator).
     ///
     /// Shares are clamped to [0.1, 1]. This avoids amplifying the noise of a band that defocus has nearly removed. Bands with fewer than 64
     /// blocks have rough estimates and get the gain 1.
@@ -158,7 +159,7 @@ impl Multiscale {
                 measured.coarse_dot(level, a, b) - measured.coarse_dot(level + 1, a, b)
             };
             let share = band(&u, &w) / band(&u, &u);
-            // A band without any pattern gives NaN, which becomes 1.
+            // If the pattern has no component in a band, the share is NaN and the gain is 1.
             gains.push(1.0 / if share < 1.0 { share.max(LEAST_SHARE) } else { 1.0 });
         }
         gains.push(1.0);
@@ -171,7 +172,7 @@ impl Multiscale {
         &self.gains
     }
 
-    /// The pixels of each block at `level`, as ranges of one row each.
+    /// The pixels of each block at `level`. Each range covers one row of a block.
     fn blocks(&self, level: usize) -> impl Iterator<Item = impl Iterator<Item = Range<usize>> + Clone> {
         let (width, height) = (self.width, self.height);
         let side = 1_usize.checked_shl(u32::try_from(level).unwrap_or(u32::MAX)).unwrap_or(usize::MAX);
@@ -225,7 +226,7 @@ impl Preconditioner for Multiscale {
     }
 
     fn apply(&self, r: &[f64], z: &mut [f64]) -> Result<()> {
-        // Σ g_l (P_l − P_{l+1}) = g_0 + Σ (g_l − g_{l−1}) P_l.
+        // The sum over bands is Σ g_l (P_l − P_{l+1}) = g_0 + Σ (g_l − g_{l−1}) P_l.
         let scaling = self.scaling.iter().copied().chain(std::iter::repeat(1.0));
         for ((z, r), s) in z.iter_mut().zip(r).zip(scaling) {
             *z = self.gains[0] * r * s;
@@ -246,8 +247,8 @@ impl Preconditioner for Multiscale {
 
 type Apply = dyn Fn(&[f64], &mut [f64]) -> Result<()> + Send + Sync;
 
-/// A preconditioner `M⁻¹` from the caller: a closure or an operator. Products with this operator are not counted, so it should be cheap,
-/// for example a model of the scene.
+/// A preconditioner `M⁻¹` that the caller supplies as a closure or an operator. Products with this operator are not counted, so it should
+/// be cheap, for example a model of the scene.
 pub struct UserPreconditioner {
     size: Option<usize>,
     positive_definite: bool,
@@ -263,10 +264,10 @@ impl UserPreconditioner {
         Self { size: None, positive_definite, apply: Box::new(apply) }
     }
 
-    /// Wraps an operator `M⁻¹`, which must be square.
+    /// Wraps an operator `M⁻¹`.
     ///
     /// # Errors
-    /// [`Error::Dimension`] if it is not square.
+    /// [`Error::Dimension`] if the operator is not square.
     pub fn operator(positive_definite: bool, operator: impl Operator + Send + 'static) -> Result<Self> {
         let (rows, cols) = (operator.rows(), operator.cols());
         if rows != cols {

@@ -6,29 +6,29 @@ use rand_pcg::Pcg64;
 
 /// The first vector of a Krylov process. Its norm does not matter.
 ///
-/// A random start has a component along every eigenvector. A chosen start may not: on a scene with a mirror symmetry, a vector of ones
-/// never finds the eigenvectors that differ between the two sides.
+/// A random start has a component along every eigenvector. A chosen start may lack components: in a scene with mirror symmetry, a vector of
+/// ones never finds the eigenvectors that differ between the two sides.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Start {
     /// Random signs times uniform numbers in [½, 1), the same on every machine. Almost surely, no vector of a fixed set is orthogonal to
-    /// it. Few-bit projectors show it well: its largest entry is 1.3 times its root mean square.
+    /// the start. Projectors with few bits show the start well, because its largest entry is 1.3 times its root mean square.
     Random {
         /// The seed of the generator.
         seed: u64,
     },
-    /// Entries −1 and +1 with equal probability, the same on every machine. As a pattern it uses the projector's whole range. It is often
-    /// exactly orthogonal to an eigenvector of a structured matrix, so it suits traces but not the start of a search.
+    /// Entries −1 and +1 with equal probability, the same on every machine. As a pattern, this start uses the projector's whole range. It
+    /// is often exactly orthogonal to an eigenvector of a structured matrix, so it suits traces but not the start of a search.
     Rademacher {
         /// The seed of the generator.
         seed: u64,
     },
-    /// Standard normal entries, so that no direction is preferred. Rare values in the tails depend on `ln`, whose last bit differs between
-    /// machines.
+    /// Standard normal entries, so that no direction is preferred. Rare values in the tails depend on `ln`, which differs between machines
+    /// in the last bit.
     Gaussian {
         /// The seed of the generator.
         seed: u64,
     },
-    /// This vector.
+    /// The given vector.
     Given(Vec<f64>),
 }
 
@@ -53,7 +53,7 @@ impl Start {
     }
 
     /// Makes `count` vectors of length `n` for a block start. Random vectors are drawn one after the other from one generator, so the first
-    /// is [`Start::vector`]. [`Start::Given`] is followed by the vectors of [`Start::Random`] with seed 0.
+    /// vector is [`Start::vector`]. After the vector of [`Start::Given`], the vectors of [`Start::Random`] with seed 0 follow.
     pub fn block(&self, n: usize, count: usize) -> Vec<Vec<f64>> {
         let draw = |seed: u64, count: usize, one: fn(usize, &mut Pcg64) -> Vec<f64>| -> Vec<Vec<f64>> {
             let mut random = Pcg64::seed_from_u64(seed);
@@ -122,7 +122,7 @@ mod tests {
         assert!(vector.iter().all(|v| (0.5..1.0).contains(&v.abs())));
         let mean = vector.iter().sum::<f64>() / 1e5;
         let square = vector.iter().map(|v| v * v).sum::<f64>() / 1e5;
-        // The variance of an entry is 7/12; its square, uniform in [½, 1) squared, has the variance 0.048. The bounds are five standard
+        // The variance of an entry is 7/12. The variance of its square, uniform in [½, 1) squared, is 0.048. The bounds are five standard
         // deviations.
         assert!(mean.abs() < 0.0121 && (square - 7.0 / 12.0).abs() < 0.0035, "{mean} {square}");
     }

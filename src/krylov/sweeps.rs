@@ -1,7 +1,7 @@
-//! Sweeps: readings of a whole basis that do several things with each block of rows while it is in the cache.
+//! Sweeps over a whole basis. A sweep does all its work on a block of rows while the block is in the cache.
 //!
-//! A basis of fifty vectors of 512×512 pixels takes 100 MiB. Each reading fetches it from memory, and this dominates the time: further work
-//! on a block of rows is almost free.
+//! A basis of fifty vectors of 512×512 pixels takes 100 MiB. Each sweep reads the basis from memory, and this dominates the time. Further
+//! work on a block of rows is almost free.
 //!
 //! As in [`Basis`], blocks have a fixed number of rows, and their sums are added in the order of the rows.
 
@@ -10,20 +10,20 @@ use rayon::prelude::*;
 use super::basis::{Basis, norm_of_square, summed};
 use super::kernels::{add_block, dot_block, dots_block, settle_block};
 
-/// The rows of a block. The blocks of eight columns (32 KiB) stay in the first-level cache, the blocks of a hundred columns in the
-/// second-level cache.
+/// The rows of a block. Blocks of eight columns (32 KiB) stay in the first-level cache, blocks of a hundred columns in the second-level
+/// cache.
 pub(super) const ROWS: usize = 512;
 
 /// Below this length, threads cost more time than they save.
 pub(super) const PARALLEL: usize = 2048;
 
-/// The parts that a sweep removes from a vector and from the last column.
+/// The parts that a sweep removes from a vector `w` and from the last column.
 pub(super) struct Settling<'a> {
-    /// The parts of the last column along the columns before it, which the sweep removes from it; empty if there are none.
+    /// The parts of the last column along the columns before it. The sweep removes them from the last column. Empty if there are none.
     pub(super) late: &'a [f64],
-    /// The coefficients of the last columns as they are before the sweep. They are removed from `w` first.
+    /// The coefficients of `w` on the last columns as they are before the sweep. The sweep removes these parts from `w` first.
     pub(super) along: &'a [f64],
-    /// Small coefficients of the earlier columns, removed from `w` after its inner products with them.
+    /// Small coefficients of `w` on the earlier columns. The sweep removes these parts after it has taken the inner products with `w`.
     pub(super) ahead: &'a [f64],
 }
 
@@ -52,8 +52,8 @@ impl Basis {
         with_norm(sums, w)
     }
 
-    /// Removes from the last column `u` its late parts, `u ← u − V s`, and from `w` its known parts. Returns `Vᵀ w` over all columns, with
-    /// the new last column, and `‖w‖`. The inner products still include the coefficients `ahead`. Reads the basis once.
+    /// Removes from the last column `u` its late parts, `u ← u − V s`, and from `w` its known parts. Returns `Vᵀ w` over all columns,
+    /// including the new last column, and `‖w‖`. The inner products still include the coefficients `ahead`. Reads the basis once.
     pub(super) fn settle_and_dot(&mut self, settling: &Settling<'_>, w: &mut [f64]) -> (Vec<f64>, f64) {
         let Some((u, columns)) = self.columns_mut().split_last_mut() else {
             return self.dots_and_norm(0, w);
@@ -66,7 +66,7 @@ impl Basis {
         with_norm(sums, w)
     }
 
-    /// Removes the late parts of the last column, with bitwise the same result as [`Basis::settle_and_dot`].
+    /// Removes the late parts of the last column. The result is bitwise equal to the result of [`Basis::settle_and_dot`].
     pub(super) fn settle_last(&mut self, late: &[f64]) {
         if let Some((u, columns)) = self.columns_mut().split_last_mut() {
             settle(columns, late, u);
@@ -127,7 +127,7 @@ fn last_and_others(sums: &mut [f64]) -> (&mut f64, &mut [f64]) {
     (&mut last[0], others)
 }
 
-/// Splits the inner products from `‖w‖²`, which follows them, and returns them with the norm of `w`.
+/// Splits off `‖w‖²`, the last entry of `sums`, from the inner products. Returns the inner products and the norm of `w`.
 fn with_norm(mut sums: Vec<f64>, w: &[f64]) -> (Vec<f64>, f64) {
     let square = sums.pop().unwrap_or(0.0);
     (sums, norm_of_square(square, w))
@@ -151,7 +151,7 @@ mod tests {
         basis
     }
 
-    /// Bounds the rounding of sums of `rows` products, of vectors with norms of about 1 and `size`.
+    /// Bounds the rounding errors of sums of `rows` products of two vectors, whose norms are about 1 and `size`.
     fn rounding(rows: usize, size: f64) -> f64 {
         rows as f64 * f64::EPSILON * size
     }
@@ -215,7 +215,7 @@ mod tests {
     fn norms_beyond_the_squares_of_floats_are_found() {
         let w = vec![3e200, 4e200];
         let (_, length) = Basis::new(2).dots_and_norm(0, &w);
-        // Quotient, square, sum, root and product are each rounded once.
+        // The quotient, the square, the sum, the root and the product are each rounded once.
         assert!((length / 5e200 - 1.0).abs() < 5.0 * f64::EPSILON);
     }
 }

@@ -1,12 +1,12 @@
-//! Light in both directions: two arrangements of the same devices as one operator with its transpose, and the products `AᵀA` and `A Aᵀ`.
+//! Light in both directions: an operator and its transpose from two arrangements of the same devices, and the products `AᵀA` and `A Aᵀ`.
 
 use super::{Adjoint, Direction, Operator, Symmetry, block, block_mut, delegate, product};
 use crate::error::{Error, Result};
 
-/// An operator `A` with a transpose from another source: the same scene, with camera and projector exchanged. By Helmholtz reciprocity,
-/// light travels from a projector's pixel to a camera's pixel and back equally well. The second arrangement therefore photographs `Aᵀ`.
+/// An operator `A` whose transpose has another source: the same scene with camera and projector exchanged. By Helmholtz reciprocity, light
+/// travels equally well from a projector's pixel to a camera's pixel and back. The second arrangement therefore photographs `Aᵀ`.
 ///
-/// Each arrangement measures light in a separate unit. `unit` is the factor that converts light of the second into the unit of the first.
+/// The two arrangements measure light in different units. `unit` is the factor that converts the second arrangement's unit to the first's.
 pub struct Exchanged<F, B> {
     forth: F,
     back: B,
@@ -19,7 +19,7 @@ impl<F: Operator, B: Operator> Exchanged<F, B> {
     /// Makes the operator from `forth`, which photographs `A`, and `back`, which photographs its transpose.
     ///
     /// # Errors
-    /// [`Error::Dimension`] if the rows of one do not match the columns of the other.
+    /// [`Error::Dimension`] if `back` does not have the dimensions of the transpose of `forth`.
     pub fn new(forth: F, back: B, unit: f64) -> Result<Self> {
         let expected = format!("{}x{}", forth.cols(), forth.rows());
         let found = format!("{}x{}", back.rows(), back.cols());
@@ -27,8 +27,8 @@ impl<F: Operator, B: Operator> Exchanged<F, B> {
         Ok(Self { forth, back, unit, errors: Vec::new() })
     }
 
-    /// Makes the operator like [`Exchanged::new`], and finds the unit from one photo under white by each arrangement: `1ᵀA 1` and `1ᵀAᵀ1`
-    /// are the same light. Takes two products.
+    /// Makes the operator like [`Exchanged::new`], and finds the unit from one photo under white by each arrangement. The sums of the two
+    /// photos, `1ᵀA 1` and `1ᵀAᵀ1`, measure the same light. Takes two products.
     ///
     /// # Errors
     /// The errors of [`Exchanged::new`]; [`Error::Numerical`] if the second arrangement sees no light; any error of the products.
@@ -46,7 +46,7 @@ impl<F: Operator, B: Operator> Exchanged<F, B> {
         Self::new(forth, back, unit)
     }
 
-    /// The factor that converts light of the second arrangement into the unit of the first.
+    /// The factor that converts light of the second arrangement into the unit of the first arrangement.
     pub fn unit(&self) -> f64 {
         self.unit
     }
@@ -91,9 +91,9 @@ impl<F: Operator, B: Operator> Adjoint for Exchanged<F, B> {
 /// The product `AᵀA` or `A Aᵀ` of an operator `A` (`rows × cols`) with its transpose. It is symmetric and positive semidefinite for every
 /// `A`, so the methods for symmetric operators apply to it.
 ///
-/// On a rig with separate positions of camera and projector, `A` is not symmetric, and its transpose is photographed with the two devices
-/// exchanged. Each product here is two photos, one from each arrangement. The eigenvectors are the singular vectors of `A`, and the
-/// eigenvalues are the squares of its singular values.
+/// On a rig whose camera and projector have different positions, `A` is not symmetric, and its transpose is photographed with the two
+/// devices exchanged. Each product with `AᵀA` or `A Aᵀ` is two photos, one from each arrangement. The eigenvectors are the singular vectors
+/// of `A`, and the eigenvalues are the squares of its singular values.
 ///
 /// ```
 /// use krylux::krylov::{EigsOptions, eigs};
@@ -119,9 +119,10 @@ impl<F: Operator, B: Operator> Adjoint for Exchanged<F, B> {
 /// ```
 pub struct Gram<'a> {
     operator: &'a mut dyn Adjoint,
-    /// True for `A Aᵀ`, on photos; false for `AᵀA`, on patterns.
+    /// True for `A Aᵀ`, which acts on photos; false for `AᵀA`, which acts on patterns.
     of_photos: bool,
-    /// The largest `‖second product‖ / ‖its pattern‖` so far. It limits how much the second product may enlarge the errors of the first.
+    /// The largest ratio so far of the norm of a second product to the norm of its input. It limits how much second products enlarge
+    /// errors.
     gain: f64,
     errors: Vec<f64>,
 }
@@ -181,8 +182,8 @@ impl Operator for Gram<'_> {
 
     delegate!(operator: block_size, observer, frames, confirming);
 
-    /// The standard errors of the products, if both `A` and `Aᵀ` state theirs. The errors of the first products are multiplied by the
-    /// largest gain of any second product so far, which overestimates them.
+    /// The standard errors of the products, if both `A` and `Aᵀ` state their standard errors. The errors of the first products are
+    /// multiplied by the largest gain of any second product so far, which overestimates them.
     fn standard_errors(&self) -> Vec<f64> {
         self.errors.clone()
     }

@@ -7,7 +7,7 @@ use super::{Adjoint, Operator, delegate};
 use crate::error::Result;
 use crate::observer::{Level, Observer, PhotoTaken, Step};
 
-/// An operator with a replaced observer; everything else is unchanged.
+/// An operator with a replaced observer. Everything else is unchanged.
 ///
 /// ```
 /// use std::ops::ControlFlow;
@@ -53,7 +53,7 @@ impl<O: Adjoint + ?Sized> Adjoint for Observed<'_, O> {
     delegate!(operator: adjoint);
 }
 
-/// An operator that sends its steps through a closure. The closure may pass them, changed or not, to the original observer.
+/// An operator that sends its steps through a closure. The closure may pass each step, changed or not, to the original observer.
 pub struct Relayed<'a, O: ?Sized, F> {
     operator: &'a mut O,
     closure: RefCell<F>,
@@ -79,7 +79,7 @@ where
         let own = self.operator.observer();
         match self.closure.try_borrow_mut() {
             Ok(mut closure) => closure(own, step),
-            // The closure started a computation with this observer: its steps pass unchanged.
+            // The closure itself started a computation with this observer. The steps of that computation pass unchanged.
             Err(_) => own.step(step),
         }
     }
@@ -120,7 +120,7 @@ pub struct Recorded<'a, O: ?Sized> {
     keeps_products: bool,
     /// All products in order, including products with the transpose.
     pub products: Vec<Product>,
-    /// The number of frames after each product, in order, counted from the start of this record. Empty if products are computed
+    /// The number of frames after each product, in order, counted from the start of this record. It is empty if products are computed
     /// ([`Operator::frames`]).
     pub frames: Vec<u64>,
 }
@@ -141,7 +141,7 @@ impl<'a, O: Operator + ?Sized> Recorded<'a, O> {
         Self { operator, before, keeps_products: true, products: Vec::new(), frames: Vec::new() }
     }
 
-    /// Wraps `operator` and records only frames, because vectors take memory.
+    /// Wraps `operator` and records only frames, to save the memory of the vectors.
     pub fn of_frames(operator: &'a mut O) -> Self {
         Self { keeps_products: false, ..Self::new(operator) }
     }

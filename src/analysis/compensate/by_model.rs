@@ -1,4 +1,4 @@
-//! Compensation for a new target on a captured scene: a model of its light replaces most or all further photos.
+//! Compensation for a new target on a captured scene. A model of the scene's light replaces most or all further photos.
 
 use super::run::{Answer, Run};
 use super::target::{norm_of, residual_norm};
@@ -8,28 +8,29 @@ use crate::analysis::planes::{difference, sum};
 use crate::error::Result;
 use crate::krylov::Constraint;
 
-/// Products with the model per answer. They cost no photos.
+/// The number of products with the model for each pattern. They cost no photos.
 const PRODUCTS: usize = 300;
 
-/// Corrections stop after one that leaves more than this share of the residual.
+/// Corrections stop after a correction that leaves more than this share of the residual.
 const STALLED: f64 = 0.98;
 
-/// A function that takes the photo of a pattern. Both have one plane per channel; the photo is without ambient light.
+/// A function that takes the photo of a pattern. Pattern and photo have one plane per channel, and the photo is without ambient light.
 pub type Photograph<'a> = dyn FnMut(&[Vec<f64>]) -> Result<Vec<Vec<f64>>> + 'a;
 
-/// Finds the pattern whose photo is `target` times the peak, with a model `Â` of the light (one per channel). At most `corrections` photos
-/// of the scene itself correct the pattern:
+/// Finds the pattern whose photo is `target` times the peak, with a model `Â` of the light (one model per channel). At most `corrections`
+/// photos of the scene itself correct the pattern:
 ///
 /// ```text
 /// x₀ = argmin ‖b − Â x‖,   xₜ = argmin ‖(b − (A xₜ₋₁ − Â xₜ₋₁)) − Â x‖   over floor ≤ x ≤ 1
 /// ```
 ///
-/// Each correction photographs the previous answer and subtracts the model's error there from the target. A relative error `e` of the model
-/// becomes `e^(t+1)` after `t` photos, as in iterative refinement. `photograph_it` is called at most `corrections` times. The calls stop
-/// once a photo is hardly better than the one before. [`CompensateOptions::photos`] is ignored.
+/// Each correction photographs the previous pattern, and subtracts the model's error for this pattern from the target. A relative error `e`
+/// of the model becomes `e^(t+1)` after `t` photos, as in iterative refinement. `photograph_it` is called at most `corrections` times, and
+/// no longer once a photo is hardly better than the photo before it. [`CompensateOptions::photos`] is ignored.
 ///
-/// In the result, `observed` is the corrected model's prediction, and `residual` follows from it. `history` holds the residuals of the
-/// photos, one for each answer but the last. There is no baseline. Fails as [`compensate`](super::compensate()) or `photograph_it` does.
+/// In the result, `observed` is the prediction of the corrected model, and `residual` follows from this prediction. `history` holds the
+/// residuals of the photos, one for each pattern except the last. There is no baseline. Fails as [`compensate`](super::compensate()) or
+/// `photograph_it` does.
 pub fn compensate_by_model(
     model: &mut [LowRank],
     target: &Target,
@@ -59,7 +60,7 @@ pub fn compensate_by_model(
         if history.len() < corrections && !stalled {
             let photo = photograph_it(&pattern)?;
             let residual = residual_norm(&b, &photo) / scale;
-            // The photos of the earlier answers predict the last answer well enough.
+            // The photos of the earlier patterns predict the photo of the last pattern well enough.
             stalled = residual <= options.rtol
                 || history.last().is_some_and(|before| residual > STALLED * before.residual);
             history.push(CompensationRow { photo: history.len() + 1, residual });
@@ -72,7 +73,7 @@ pub fn compensate_by_model(
         let answer =
             Answer { target, options, peak, b: &b, pattern, observed: predicted, uncompensated: plain };
         let found = answer.of(solved)?;
-        // Further products with the model cannot improve this answer: it is as good as the model.
+        // Further products with the model cannot improve this pattern, which is as good as the model.
         let good = found.residual < found.uncompensated_residual && (boxed || found.good);
         return Ok(Compensation { good, photos: history.len(), history, ..found });
     }

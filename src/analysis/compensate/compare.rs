@@ -12,16 +12,16 @@ use crate::operator::{Adjoint, Symmetry};
 pub struct MethodRun {
     /// The method.
     pub method: Method,
-    /// Its name on the command line.
+    /// The method's name on the command line.
     pub name: &'static str,
-    /// The residual of its unclipped answer after each photo, as the method computes it. Each row has the least residual so far.
+    /// The residual after each photo, as the method computes it for its unclipped pattern. Each row has the smallest residual so far.
     pub history: Vec<CompensationRow>,
-    /// The residual of the photo of its answer after each step, clipped to the projector's range.
+    /// The residual of a photo of the method's pattern after each step, clipped to the projector's range.
     pub displayed: Vec<CompensationRow>,
-    /// Photos taken by the method, without preparation.
+    /// The number of photos taken by the method, without preparation.
     pub photos: usize,
-    /// The frames that the camera had taken for the method after each photo: signs, bit planes, exposures, takes and
-    /// sentinels. Empty where photos are computed.
+    /// The number of frames that the camera had taken for the method after each photo. It counts the frames of signs, bit planes,
+    /// exposures, takes and sentinels. Empty if photos are computed.
     pub frames: Vec<u64>,
     /// The relative residual of the final photo.
     pub residual: f64,
@@ -29,8 +29,8 @@ pub struct MethodRun {
     pub ssim: Option<f64>,
 }
 
-/// Runs every method that the operators allow (MINRES and CG need symmetry) with the number of photos in `options`.
-/// `options.method` is ignored. Only methods that take a preconditioner use it. Fails as [`compensate_with`] does.
+/// Runs every method that the operators allow (MINRES and CG need symmetry) with the number of photos in `options`. `options.method` is
+/// ignored. A preconditioner is used only by the methods that accept one. Fails as [`compensate_with`] does.
 pub fn compare_methods<O: Adjoint>(
     channels: &mut [O],
     target: &Target,
@@ -67,14 +67,14 @@ pub fn compare_methods<O: Adjoint>(
     Ok(runs)
 }
 
-/// An unconstrained method, clamped after each photo, compared with a box-constrained one.
+/// A comparison of an unconstrained method, whose pattern is clamped after each photo, with a box-constrained method.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clamping {
-    /// The residual of the photo when the method's answer after each photo is clamped and projected.
+    /// The residual of the photo of the method's pattern after each step, clamped and projected.
     pub displayed: Vec<CompensationRow>,
     /// The residuals of [`Method::KrylovBox`](crate::krylov::Method::KrylovBox) with the same number of photos.
     pub boxed: Vec<CompensationRow>,
-    /// The residual of the target projected without compensation.
+    /// The residual if the target is projected without compensation.
     pub uncompensated: f64,
 }
 
@@ -89,20 +89,21 @@ impl Clamping {
         self.boxed.last().map_or(f64::INFINITY, |row| row.residual)
     }
 
-    /// Whether projecting the target without compensation would have been better.
+    /// Returns true if projecting the target without compensation would have been better.
     pub fn is_worse_than_nothing(&self) -> bool {
         self.last() > self.uncompensated + ROUNDING
     }
 
-    /// The residual after clamping divided by the residual of the box-constrained method. Undefined where the latter is mere rounding.
+    /// The residual after clamping, divided by the residual of the box-constrained method. It has no value if the residual of the
+    /// box-constrained method is only rounding.
     pub fn price(&self) -> Ratio {
         Ratio::of(self.last(), self.inside(), ROUNDING)
     }
 
-    /// The photo after which further photos made the clamped result worse, if there is one.
+    /// The index of the best clamped photo, if the photos after it made the clamped result worse.
     pub fn turning_point(&self) -> Option<usize> {
         let best = self.displayed.iter().min_by(|a, b| a.residual.total_cmp(&b.residual))?;
-        // A difference of 1 % is not counted as worse.
+        // A difference of 1 % does not count as worse.
         (self.last() > 1.01 * best.residual + ROUNDING).then_some(best.photo)
     }
 

@@ -1,26 +1,26 @@
 //! Crosstalk of colours: each camera channel also sees the projector's other colours.
 //!
-//! Let `M_cp` be the response of camera channel `c` to projector colour `p`. A colour photo is then `y_c = A_c Σ_p M_cp x_p`:
-//! three transport matrices behind one 3×3 mixing matrix. There are two ways to solve this. Either all three colours are solved
-//! as one system, inside the box of the projector's colours. Or each channel is solved alone for `x'_c = Σ_p M_cp x_p`, and the
-//! result is un-mixed. The second way is as good if the un-mixed pattern stays inside the box, and worse if it must be clipped.
+//! Let `M_cp` be the response of camera channel `c` to projector colour `p`. A colour photo is then `y_c = A_c Σ_p M_cp x_p`: three
+//! transport matrices behind one 3×3 mixing matrix. There are two ways to solve for the pattern. The first way solves all three colours as
+//! one system, inside the box of the projector's colours. The second way solves each channel alone for `x'_c = Σ_p M_cp x_p`, and un-mixes
+//! the result. The second way is as good if the un-mixed pattern stays inside the box, and worse if it must be clipped.
 
 use crate::error::{Error, Result};
 use crate::observer::Observer;
 use crate::operator::{Adjoint, Operator, Symmetry};
 
-/// A mixing matrix between projector and camera, and how it is taken into account.
+/// The crosstalk between projector and camera: a mixing matrix, and the way in which the system is solved.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Crosstalk {
     matrix: [[f64; 3]; 3],
     inverse: [[f64; 3]; 3],
-    /// Whether all three colours are solved as one system. Otherwise each is solved alone and un-mixed afterwards.
+    /// True if all three colours are solved as one system. Otherwise each channel is solved alone, and the result is un-mixed.
     pub coupled: bool,
 }
 
 impl Crosstalk {
-    /// The crosstalk of the matrix `M`, one row per camera channel, to be solved as one system. Fails with [`Error::Option`]
-    /// naming `--crosstalk` when an entry is negative or not finite, or the matrix cannot be inverted.
+    /// Makes the crosstalk of the matrix `M`, one row per camera channel, to be solved as one system. Fails with [`Error::Option`] naming
+    /// `--crosstalk` if an entry is negative or not finite, or if the matrix cannot be inverted.
     pub fn new(matrix: [[f64; 3]; 3]) -> Result<Self> {
         let refuse = |fault: &str, help: &str| Err(Error::option("--crosstalk", fault).help(help));
         if matrix.iter().flatten().any(|entry| !(*entry >= 0.0 && entry.is_finite())) {
@@ -38,11 +38,11 @@ impl Crosstalk {
         Ok(Self { matrix, inverse, coupled: true })
     }
 
-    /// Estimates the matrix from photos of red, green and blue alone (three channels of `n` pixels each). A channel's response to
-    /// its own colour is part of `A_c` and counts as 1. The other entries are least-squares ratios over all pixels.
+    /// Estimates the matrix from one photo each of a red, a green and a blue pattern (three channels of `n` pixels each). A channel's
+    /// response to its own colour is part of `A_c` and counts as 1. The other entries are least-squares ratios over all pixels.
     ///
     /// # Errors
-    /// The errors of [`Crosstalk::new`]; [`Error::Numerical`] when a channel does not see its own colour.
+    /// The errors of [`Crosstalk::new`]; [`Error::Numerical`] if a channel does not see its own colour.
     pub fn measured(photos: &[[Vec<f64>; 3]; 3]) -> Result<Self> {
         let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         let mut matrix = [[0.0; 3]; 3];
@@ -62,8 +62,8 @@ impl Crosstalk {
         Self::new(matrix)
     }
 
-    /// The same matrix with rows that add up to 1. It is for channels whose products were measured with gray patterns, because
-    /// their `A_c` already contains the whole response to white.
+    /// Scales the rows of the matrix so that each adds up to 1. This is needed if the products of the channels were measured with gray
+    /// patterns, because `A_c` then already contains the whole response to white.
     pub fn relative_to_white(self) -> Result<Self> {
         let matrix = self.matrix.map(|row| {
             let white: f64 = row.iter().sum();
@@ -77,7 +77,7 @@ impl Crosstalk {
         &self.matrix
     }
 
-    /// Each channel's response to white: the sums of the rows.
+    /// Each channel's response to white, which is the sum of its row.
     pub(super) fn white(&self) -> [f64; 3] {
         self.matrix.map(|row| row.iter().sum())
     }
@@ -119,7 +119,7 @@ fn inverse(m: &[[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
     regular.then(|| std::array::from_fn(|row| std::array::from_fn(|column| minor(column, row) / determinant)))
 }
 
-/// All three colours as one operator (`3n × 3n`): `diag(A_c) (M ⊗ I)`, channel after channel.
+/// All three colours as one operator (`3n × 3n`): `diag(A_c) (M ⊗ I)`. A vector holds the channels one after the other.
 pub(super) struct Mixed<'a, O> {
     pub(super) channels: &'a mut [O],
     pub(super) crosstalk: &'a Crosstalk,
@@ -145,7 +145,7 @@ impl<O: Adjoint> Operator for Mixed<'_, O> {
     }
 
     fn symmetry(&self) -> Symmetry {
-        // The operator is symmetric only if the mixing commutes with the albedos.
+        // The operator is symmetric only if the mixing commutes with the albedos of the channels.
         Symmetry::General
     }
 
@@ -158,12 +158,12 @@ impl<O: Adjoint> Operator for Mixed<'_, O> {
         Ok(())
     }
 
-    /// All channels belong to one rig.
+    /// All channels belong to one rig, so the first channel has the number of frames.
     fn frames(&self) -> Option<u64> {
         self.channels.first().and_then(|channel| channel.frames())
     }
 
-    // Blocks are applied one vector at a time, because a journal depends on the order of the channels' products.
+    // Products are taken one vector at a time, because a journal depends on the order of the channels' products.
 
     fn observer(&self) -> &dyn Observer {
         self.channels.first().map_or(&(), |operator| operator.observer())
@@ -196,7 +196,7 @@ mod tests {
         for (a, b) in back.concat().iter().zip(patterns.concat()) {
             assert!((a - b).abs() < 1e-15 * 8.0, "{a} {b}");
         }
-        // A wall whose albedo, unlike the ratios, differs by channel and pixel.
+        // The albedo of the wall differs between channels and pixels, but the ratios between the primaries do not.
         let albedo = |channel: usize, pixel: usize| 0.2 + 0.1 * channel as f64 + 0.05 * pixel as f64;
         let photos: [[Vec<f64>; 3]; 3] = std::array::from_fn(|primary| {
             std::array::from_fn(|channel| {

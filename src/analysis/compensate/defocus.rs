@@ -1,21 +1,22 @@
-//! A preconditioner for an unfocused lens: it divides by the frequency response of a Gaussian, except at frequencies that are lost.
+//! A preconditioner for a lens out of focus. It divides by the frequency response of a Gaussian, except at frequencies that are lost.
 //!
 //! ```text
 //! M = D^½ K D^½,    K = C diag(k_μ k_ν) Cᵀ,    k_μ = Σ_j κ_j cos(π j μ / N)
 //! ```
 //!
 //! `D` is the white photo. `K` is a Gaussian blur with kernel `κ` of an image mirrored at its borders. Its eigenvectors are the columns of
-//! the discrete cosine transform `C` (Strang, *The discrete cosine transform*, 1999, doi:10.1137/S0036144598336745). Frequencies attenuated
-//! below a tenth are amplified by at most ten, because noise dominates them. The width is given, or estimated from one photo.
+//! the discrete cosine transform `C` (Strang, *The discrete cosine transform*, 1999, doi:10.1137/S0036144598336745). Frequencies that the
+//! blur attenuates below a tenth are amplified by at most ten, because noise dominates these frequencies. The width of the Gaussian is
+//! given, or estimated from one photo.
 
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::krylov::{Diagonal, Preconditioner};
 
-/// The least attenuation factor by which a frequency is divided.
+/// The smallest attenuation factor that a frequency is divided by.
 const LEAST: f64 = 0.1;
 
-/// The widths, in pixels, that are compared with a photo.
+/// The candidate widths of the Gaussian, in pixels.
 const WIDTHS: [f64; 14] = [0.0, 0.3, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.5, 8.0];
 
 #[derive(Clone, Debug)]
@@ -34,8 +35,9 @@ impl Defocus {
         Ok(Self { cosines, kept, scaling })
     }
 
-    /// The preconditioner whose width best explains, frequency by frequency, one photo `y = A x` of a random pattern `x`. The
-    /// lowest sixteenth of the frequencies is left out because it also contains indirect light. Also returns the width.
+    /// Makes the preconditioner from one photo `y = A x` of a random pattern `x`. Among all candidate widths, it chooses the width that
+    /// best explains the photo, frequency by frequency. The lowest sixteenth of the frequencies is left out, because it also contains
+    /// indirect light. Also returns the width.
     pub(super) fn measured(
         resolution: Resolution,
         white: Vec<f64>,
@@ -95,7 +97,7 @@ fn spectrum(resolution: Resolution, width: f64) -> Vec<f64> {
     down.iter().flat_map(|nu| across.iter().map(move |mu| mu * nu)).collect()
 }
 
-/// The orthonormal cosines of a line, `√(2/N) cos(π μ (j + ½)/N)`. The constant one is divided by `√2`.
+/// The orthonormal cosines of a line, `√(2/N) cos(π μ (j + ½)/N)`. The constant cosine (`μ = 0`) is divided by `√2`.
 fn cosines(length: usize) -> Vec<Vec<f64>> {
     let n = length as f64;
     let row = |mu: usize| {

@@ -2,10 +2,10 @@
 
 use crate::image::{Blur, Resolution};
 
-/// Gaussians wider than this many pixels are applied to blocks of pixels. Measured in blocks, they are at most this wide.
+/// A Gaussian wider than this many pixels is applied to blocks of pixels. In units of blocks, its width is at most this value.
 const WIDEST: f64 = 3.0;
 
-/// The blur `K = Kᵀ` of an image mirrored at its borders, `√B⁻¹ E K' Eᵀ √B⁻¹`. `Eᵀ` sums blocks; `B` holds their pixel counts.
+/// The blur `K = Kᵀ = √B⁻¹ E K' Eᵀ √B⁻¹` of an image mirrored at its borders. `Eᵀ` sums the pixels of each block; `B` holds pixel counts.
 #[derive(Clone, Debug)]
 pub(super) struct Gaussian {
     resolution: Resolution,
@@ -54,7 +54,7 @@ mod tests {
         for width in [0.0, 0.5, 2.0, 6.0, 12.0] {
             let gaussian = Gaussian::new(resolution, width);
             let [one, other] = [dot(&y, &gaussian.apply(&x)), dot(&x, &gaussian.apply(&y))];
-            // Rounding of some thousand terms.
+            // The tolerance covers the rounding of some thousand terms.
             assert!((one - other).abs() < 1e-12 * one.abs(), "{width}: {one} {other}");
         }
         // The blurred impulse has the width of the exact kernel, up to the error of the blocks.

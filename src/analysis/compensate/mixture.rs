@@ -1,13 +1,13 @@
-//! A model of an unfocused lens as a sum of blurs, fitted to photos that are taken anyway.
+//! A model of a lens out of focus as a sum of blurs. It is fitted to photos that the method takes anyway.
 //!
 //! ```text
 //! P = D Σ_m diag(c_m) K_m,   c_m ≥ 0
 //! ```
 //!
-//! `D` is the white photo. The `K_m` are Gaussian blurs of fixed widths of an image mirrored at its borders. They range from no
-//! blur to the width of indirect light. The shares `c_m` vary slowly over the image, as depth does. They are fitted by
-//! non-negative least squares in windows of a few pixels. The model also gives the transpose, `Σ_m K_m diag(c_m) D`. No photo
-//! could measure it if only the projector's lens is out of focus.
+//! `D` is the white photo. The `K_m` are Gaussian blurs of fixed widths of an image mirrored at its borders. Their widths range from no
+//! blur to the width of indirect light. The shares `c_m` vary slowly over the image, as depth does. They are fitted by non-negative least
+//! squares in windows of a few pixels. The model also gives the transpose, `Σ_m K_m diag(c_m) D`. If only the projector's lens is out of
+//! focus, no photo can measure the transpose.
 
 use std::sync::Arc;
 
@@ -18,16 +18,16 @@ use crate::krylov::{Surrogate, dot};
 /// Standard deviations of the blurs in pixels. Blurs wider than a quarter of the image are left out.
 const WIDTHS: [f64; 9] = [0.0, 0.5, 0.75, 1.25, 2.0, 3.0, 5.0, 10.0, 25.0];
 
-/// Side, in pixels, of the cells that have their own shares.
+/// The side, in pixels, of a cell. Each cell has its own shares.
 const CELL: usize = 8;
 
-/// Standard deviation, in cells, of the window that the shares of a cell are fitted to.
+/// The standard deviation, in cells, of the window from which the shares of a cell are fitted.
 const WINDOW: f64 = 1.25;
 
-/// Relative weight of the ridge term, which makes the shares of nearly equal blurs unique.
+/// The relative weight of the ridge term. This term makes the shares of nearly equal blurs unique.
 const RIDGE: f64 = 1e-6;
 
-/// Sweeps of coordinate descent per cell.
+/// The number of sweeps of coordinate descent per cell.
 const SWEEPS: usize = 500;
 
 #[derive(Clone)]
@@ -35,12 +35,12 @@ pub(crate) struct Mixture {
     resolution: Resolution,
     white: Arc<Vec<f64>>,
     blurs: Arc<Vec<Gaussian>>,
-    /// The shares `c_m` of each pixel; `None` for a blur without any share.
+    /// The share `c_m` of a blur in each pixel; `None` if the blur has no share in any pixel.
     shares: Vec<Option<Vec<f64>>>,
 }
 
 impl Mixture {
-    /// The model of a white photo (`n`), without blur until it is fitted.
+    /// Makes the model of a white photo (`n`). The model has no blur until it is fitted.
     pub(crate) fn new(resolution: Resolution, white: &[f64]) -> Self {
         let widest = resolution.width.min(resolution.height) as f64 / 4.0;
         let widths = WIDTHS.iter().filter(|width| **width <= widest);
@@ -53,10 +53,10 @@ impl Mixture {
         Self { resolution, white: Arc::new(white), blurs: Arc::new(blurs), shares }
     }
 
-    /// The normal equations `[G, h]` of each cell, row by row, summed over its window.
+    /// The normal equations `[G, h]` of each cell, row by row, summed over the cell's window.
     fn equations(&self, patterns: &[Vec<f64>], products: &[Vec<f64>], cells: Resolution) -> Vec<Vec<f64>> {
         let count = self.blurs.len();
-        // One plane over the cells for each entry of G and of h.
+        // Each entry of G and of h has one plane over the cells.
         let mut planes = vec![vec![0.0; cells.pixels()]; count * (count + 1)];
         let cell_of: Vec<usize> = (0..self.white.len())
             .map(|pixel| {
@@ -188,7 +188,8 @@ mod tests {
         let resolution = Resolution::new(48, 40);
         let n = resolution.pixels();
         let white: Vec<f64> = (0..n).map(|i| 0.5 + 0.01 * (i % 7) as f64).collect();
-        // A member of the model's family: the sharper blur at the left, the wider one at the right, and half of each in the middle.
+        // The truth belongs to the model's family: the sharper blur at the left, the wider blur at the right, and half of each in the
+        // middle.
         let truth = |x: &[f64]| -> Vec<f64> {
             let [sharp, wide] = [0.75, 2.0].map(|width| Gaussian::new(resolution, width).apply(x));
             (0..n)
@@ -211,10 +212,10 @@ mod tests {
                 .sqrt()
         };
         let other = noise(n, 5);
-        // Windows of ten pixels cannot exactly follow shares that change by a fifth within them.
+        // Windows of ten pixels cannot exactly follow shares that change by a fifth within a window.
         let (before, after) = (missed(&plain, &other), missed(&*fitted, &other));
         assert!(after < 0.1 * before, "{before} {after}");
-        // Dot product test: rounding of a few thousand terms.
+        // The dot product test has a rounding error of a few thousand terms.
         let y = noise(n, 9);
         let (mut image, mut back) = (vec![0.0; n], vec![0.0; n]);
         fitted.apply(&other, &mut image);

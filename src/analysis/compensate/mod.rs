@@ -3,7 +3,7 @@
 //! | topic | item |
 //! |---|---|
 //! | the target | [`Target`] |
-//! | prior knowledge beside the photos: direct light, shape, crosstalk of colours, a first pattern | [`Prior`] |
+//! | prior knowledge in addition to the photos: direct light, shape, crosstalk of colours, a first pattern | [`Prior`] |
 //! | the cost of clamping, compared with a box-constrained method | [`Clamping`] |
 //! | all methods at equal numbers of photos | [`compare_methods`] |
 //! | another target for a scene that is already captured | [`compensate_by_model`] |
@@ -34,90 +34,97 @@ use crate::operator::{Adjoint, Observed, block, block_mut, product};
 use run::{Answer, ROUNDING, Run};
 use target::{norm_of, residual_norm};
 
-/// The least residual so far, relative to the target light, after a number of the method's photos.
+/// The smallest residual so far after a number of the method's photos, relative to the target light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompensationRow {
-    /// Photos taken by the method, from 1.
+    /// The number of photos taken by the method, from 1.
     pub photo: usize,
     /// `‖b − A x‖ / ‖b‖`; infinite before the first pattern is photographed.
     pub residual: f64,
 }
 
-/// The pattern to project, and its photos. Residuals are `‖b − A x‖ / ‖b‖` over all channels; `b` is the target minus ambient light.
+/// The pattern to project, and its photos. Residuals are `‖b − A x‖ / ‖b‖` over all channels, where `b` is the target minus ambient light.
 #[derive(Clone, Debug)]
 pub struct Compensation {
     /// The pattern to project, in [floor, 1].
     pub pattern: Image,
-    /// The method's own answer, if it left the box and was clipped.
+    /// The pattern as the method computed it, if it left the box and was clipped.
     pub unclipped: Option<Image>,
-    /// The target light in W/(m² sr), ambient light included: the target times the peak.
+    /// The target light in W/(m² sr), including ambient light: the target times the peak.
     pub target: Image,
-    /// The photo of `pattern`, ambient light included.
+    /// The photo of `pattern`, including ambient light.
     pub observed: Image,
-    /// The photo of the target itself as a pattern. It is dimmed so that it would reach the target's brightness on an even wall.
+    /// The photo of the target itself as a pattern. The pattern is dimmed so that its photo would have the target's brightness on an even
+    /// wall.
     pub uncompensated: Image,
-    /// The radiance that 1 in the target stands for.
+    /// The radiance of a target value of 1.
     pub peak: f64,
     /// The residual of `pattern`, from its photo.
     pub residual: f64,
-    /// The residual of the method's own answer, as the method computes it.
+    /// The residual of the pattern before clipping, as the method computes it.
     pub unclipped_residual: f64,
     /// The residual of `uncompensated`.
     pub uncompensated_residual: f64,
     /// One row per photo of the method, before clipping.
     pub history: Vec<CompensationRow>,
-    /// The same for projected Jacobi with the same number of photos; empty if no baseline is asked for.
+    /// The history of projected Jacobi with the same number of photos; empty if no baseline was requested.
     pub baseline: Vec<CompensationRow>,
-    /// Photos taken by the method, without photos that only show a result (`observed`, `uncompensated`, and all of the baseline).
+    /// The number of photos taken by the method. Photos that only show a result (`observed`, `uncompensated`, and all of the baseline) do
+    /// not count.
     pub photos: usize,
-    /// The frames that the camera had taken for the method after each of these photos; empty where photos are computed.
+    /// The number of frames that the camera had taken for the method after each of these photos; empty if photos are computed.
     pub frames: Vec<u64>,
-    /// Photos taken before the method: the white one, and the photos that measure a preconditioner or a prior.
+    /// The number of photos taken before the method: the white photo, and the photos that measure a preconditioner or a prior.
     pub preparation: usize,
     /// The similarity of `observed` and `target`, with the peak as the data range.
     pub similarity: Similarity,
     /// The similarity of `uncompensated` and `target`.
     pub uncompensated_similarity: Similarity,
-    /// The effect of clipping, photo by photo; `None` for an answer inside the box, or if no baseline is asked for.
+    /// The effect of clipping after each photo; `None` if the method's pattern is inside the box, or if no baseline was requested.
     pub clamping: Option<Clamping>,
-    /// Why the method ended. For several channels, this is the least successful status.
+    /// The reason why the method ended. For several channels, it is the least successful status.
     pub status: Status,
-    /// Whether the pattern is within the tolerance, or the optimum inside the box, or better than none when its photos allowed no more.
+    /// True if the pattern is within the tolerance, or is the optimum inside the box, or is better than no compensation and its photos
+    /// allowed no better pattern.
     pub good: bool,
 }
 
 impl Compensation {
-    /// Whether the target itself, projected without compensation, would look as good.
+    /// Returns true if the target itself, projected without compensation, would have a residual at least as small.
     pub fn is_needless(&self) -> bool {
         self.residual >= self.uncompensated_residual - ROUNDING
     }
 }
 
-/// Knowledge beside the photos; none by default.
+/// Prior knowledge in addition to the photos; none by default.
 #[derive(Clone, Debug, Default)]
 pub struct Prior {
-    /// The direct image under white of each channel (`n`), for [`Precondition::Direct`]; measured if empty.
+    /// The direct image under white of each channel (`n`), for [`Precondition::Direct`]. It is measured if empty.
     pub direct: Vec<Vec<f64>>,
     /// The direct image predicted from the scene's shape alone (`n`), up to a factor, for [`Precondition::Geometry`].
     pub geometry: Vec<f64>,
-    /// The crosstalk of projector and camera colours; only for three channels.
+    /// The crosstalk of projector and camera colours. Only for three channels.
     pub crosstalk: Option<Crosstalk>,
-    /// Photos taken to obtain this knowledge.
+    /// The number of photos taken to obtain this knowledge.
     pub photos: usize,
-    /// The first pattern of the methods, one plane per channel, instead of darkness or the target over the white photo.
+    /// The first pattern of the methods, one plane per channel. By default, methods start from black, or from the target over the white
+    /// photo.
     pub start: Option<Vec<Vec<f64>>>,
 }
 
-/// Finds the pattern whose photo is `target` times the peak. Solves `A x = b` per channel; `b` is the target light minus ambient light.
+/// Finds the pattern whose photo is `target` times the peak. Solves `A x = b` for each channel, where `b` is the target light minus ambient
+/// light.
 ///
-/// `channels` holds one operator (`n × n`) per channel of the target. The channels are independent systems and are solved in turn. One
-/// colour photo is one product with each operator, so the count of photos is the count of the channel that took most. The observer of each
-/// operator sees its products and may stop them; the baseline is not observed. An answer outside [floor, 1] is clipped, as by a projector,
-/// and both residuals are reported. [`Method::KrylovBox`] keeps the box inside the method.
+/// `channels` holds one operator (`n × n`) per channel of the target. The channels are independent systems and are solved one after the
+/// other. One colour photo is one product with each operator, so the number of photos is the number of the channel that took the most. The
+/// observer of each operator sees the products of the method and may stop the method; the baseline is not observed. A pattern outside
+/// [floor, 1] is clipped, as by a projector, and the residuals before and after clipping are both reported. [`Method::KrylovBox`] keeps its
+/// patterns inside the box.
 ///
 /// # Errors
-/// The errors of [`CompensateOptions::check`] and [`solve_adjoint`](crate::krylov::solve_adjoint); [`Error::Option`] naming `--peak` if
-/// none is given and half of the white photo is black; [`Error::Dimension`] if sizes differ; [`Error::Numerical`] without target light.
+/// The errors of [`CompensateOptions::check`] and [`solve_adjoint`](crate::krylov::solve_adjoint); [`Error::Option`] naming `--peak` if no
+/// peak is given and half of the white photo is black; [`Error::Dimension`] if sizes differ; [`Error::Numerical`] if there is no target
+/// light.
 pub fn compensate<O: Adjoint>(
     channels: &mut [O],
     target: &Target,
@@ -126,11 +133,11 @@ pub fn compensate<O: Adjoint>(
     compensate_with(channels, target, options, &Prior::default())
 }
 
-/// The same as [`compensate`], with prior knowledge beside the photos.
+/// Does the same as [`compensate`], with prior knowledge in addition to the photos.
 ///
 /// # Errors
-/// The errors of [`compensate`]; [`Error::Dimension`] if `prior` has crosstalk for a number of channels other than three, or planes of
-/// another size; [`Error::Option`] naming `--precondition` if `prior` lacks the knowledge that the preconditioner needs.
+/// The errors of [`compensate`]; [`Error::Dimension`] if `prior` has crosstalk but there are not three channels, or if `prior` has planes
+/// of another size; [`Error::Option`] naming `--precondition` if `prior` lacks the knowledge that the preconditioner needs.
 pub fn compensate_with<O: Adjoint>(
     channels: &mut [O],
     target: &Target,
@@ -227,7 +234,7 @@ impl<O: Adjoint> Scene<'_, O> {
         Ok(rows)
     }
 
-    /// The photos of several patterns. One channel takes them as a block.
+    /// Takes the photos of several patterns. A single channel takes them as a block.
     fn photographs(&mut self, patterns: Vec<Planes>) -> Result<Vec<Planes>> {
         let [operator] = &mut *self.channels else {
             return patterns.iter().map(|pattern| self.photograph(pattern)).collect();

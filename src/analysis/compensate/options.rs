@@ -8,28 +8,29 @@ use crate::krylov::{Constraint, Method};
 pub struct CompensateOptions {
     /// The method. Default: [`Method::KrylovBox`].
     pub method: Method,
-    /// The most photos of the method, besides [`Compensation::preparation`](super::Compensation::preparation). Default 20.
+    /// The largest number of photos of the method, without [`Compensation::preparation`](super::Compensation::preparation). Default 20.
     pub photos: usize,
     /// The relative residual (2-norms) at which the method stops. Default 1e-3.
     pub rtol: f64,
-    /// Whether a pattern that misses `rtol` is not good, because somebody asked for the tolerance. By default, a pattern is good if it is
-    /// better than no compensation and the method ended because its photos were spent or their noise was reached.
+    /// True if a pattern that misses `rtol` is not good, because the user requested this tolerance. Otherwise a pattern is also good if it
+    /// is better than no compensation and the method ended because its photos were spent or their noise was reached. Default false.
     pub must_reach: bool,
-    /// The least projected value, the paper's `α` in [α, 1]. From 0 to below 1; default 0.
+    /// The smallest projected value, which is the paper's `α` in [α, 1]. From 0 to below 1; default 0.
     pub floor: f64,
-    /// The radiance that 1 in the target stands for, in W/(m² sr). Default `None`: half the median of the white photo.
+    /// The radiance of a target value of 1, in W/(m² sr). Default `None`: half the median of the white photo.
     pub peak: Option<f64>,
     /// The preconditioner of unconstrained methods. Default `None`: [`Precondition::Diagonal`] if the operator is symmetric.
-    /// Box-constrained methods take none, because they scale their steps by the white photo anyway.
+    /// Box-constrained methods use no preconditioner, because they scale their steps by the white photo anyway.
     pub precondition: Option<Precondition>,
-    /// The standard deviation in pixels of the lens's blur, for [`Precondition::Defocus`]. Default `None`: measured by one photo.
+    /// The standard deviation of the lens's blur in pixels, for [`Precondition::Defocus`]. Default `None`: it is measured by one photo.
     pub defocus: Option<f64>,
-    /// Whether some lens is out of focus. [`Method::KrylovBox`] then models unmeasured light as a mixture of blurs, fitted to its photos,
-    /// and cannot recognize the optimum. The same applies if the operator is not symmetric. Default false.
+    /// True if the lens of the projector or of the camera is out of focus. [`Method::KrylovBox`] then models unmeasured light as a mixture
+    /// of blurs, fitted to its photos, and cannot recognize the optimum. The same applies if the operator is not symmetric. Default false.
     pub out_of_focus: bool,
-    /// Maps the target from [0, 1] to [`lift`, 1], as in the paper, so that less light must be removed. From 0 to below 1; default 0.
+    /// Maps the target from [0, 1] to [`lift`, 1], as in the paper, so that the pattern has to remove less light. From 0 to below 1;
+    /// default 0.
     pub lift: f64,
-    /// Whether projected Jacobi runs with the same number of photos as a baseline, and the effect of clipping is photographed step by
+    /// True if projected Jacobi runs as a baseline with the same number of photos, and if the effect of clipping is photographed after each
     /// step. On a rig these photos are expensive. Default true.
     pub baseline: bool,
 }
@@ -73,9 +74,9 @@ impl Default for CompensateOptions {
 }
 
 impl CompensateOptions {
-    /// The paper's method (section 6): MINRES minimizes the unconstrained residual, or GMRES if the operator is not `symmetric`. The
-    /// direct image is the preconditioner. The target is mapped to [α, 1] (`lift`), and values outside the projector's range are clamped.
-    /// Five photos.
+    /// The options of the paper's method (section 6) with five photos. MINRES minimizes the unconstrained residual, or GMRES if the
+    /// operator is not `symmetric`. The direct image is the preconditioner. The target is mapped to [α, 1] (`lift`), and values outside the
+    /// projector's range are clamped.
     pub fn paper(symmetric: bool, lift: f64) -> Self {
         Self {
             method: if symmetric { Method::Minres } else { Method::Gmres },
@@ -87,7 +88,7 @@ impl CompensateOptions {
         }
     }
 
-    /// Checks all values before any photo is taken. Fails with [`Error::Option`] naming the option.
+    /// Checks all values before any photo is taken. Fails with [`Error::Option`] naming the invalid option.
     pub fn check(&self) -> Result<()> {
         let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault).help(help));
         if self.photos == 0 {

@@ -1,4 +1,4 @@
-//! The solution of all channels, by any method and preconditioner, with or without crosstalk.
+//! Solves for the patterns of all channels, by any method and preconditioner, with or without crosstalk.
 
 use std::sync::Arc;
 
@@ -18,19 +18,19 @@ use crate::krylov::{
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::{Adjoint, Operator, Recorded, Relayed, Symmetry, product};
 
-/// Squares and shifts that measure an unknown direct image: 16 photos.
+/// The squares and shifts that measure an unknown direct image. They take 16 photos.
 const SQUARES: SeparateBy = SeparateBy::Checkerboards { square: 4, shifts: 4 };
 
 pub(super) struct Solved {
-    /// The method's own answer, which may leave the box.
+    /// The patterns as the method computed them. They may leave the box.
     pub(super) patterns: Planes,
     pub(super) residual: f64,
     pub(super) history: Vec<CompensationRow>,
     pub(super) photos: usize,
     pub(super) status: Status,
-    /// The answers after each photo, if they are to be stored.
+    /// The method's patterns after each photo, if they are stored.
     pub(super) answers: Vec<Planes>,
-    /// The frames that the camera had taken for the method after each photo; empty where photos are computed.
+    /// The number of frames that the camera had taken for the method after each photo; empty if photos are computed.
     pub(super) frames: Vec<u64>,
 }
 
@@ -40,13 +40,13 @@ pub(super) struct Run<'a> {
     pub(super) b: &'a [Vec<f64>],
     pub(super) options: &'a CompensateOptions,
     pub(super) prior: &'a Prior,
-    /// Whether each product is a photo, so that long computations before the next one pay off.
+    /// True if each product is a photo, so that long computations between products are worthwhile.
     pub(super) dear: bool,
     pub(super) preparation: usize,
 }
 
 impl Run<'_> {
-    /// Solves with `method` within `photos`. Stores the answer after each photo if `keep` is set.
+    /// Solves with `method`, with at most `photos` photos. Stores the patterns after each photo if `keep` is set.
     pub(super) fn solve<O: Adjoint>(
         &mut self,
         channels: &mut [O],
@@ -73,7 +73,7 @@ impl Run<'_> {
             (systems(self.b), systems(self.white), starts.map(|starts| systems(&starts)));
         let (mut solutions, mut answers, mut frames) = (Vec::new(), Vec::new(), Vec::new());
         for (index, operator) in operators.into_iter().enumerate() {
-            // With mixed light, white is brighter than the channel's own pattern of ones.
+            // With crosstalk, the white photo is brighter than the product of a channel's operator with ones.
             let white = white[index].iter().map(|value| value / whites[index]).collect();
             let start = starts.as_ref().map(|starts| starts[index].clone());
             let setup = ((!is_coupled).then_some(index), white, start);
@@ -102,7 +102,7 @@ impl Run<'_> {
         }
     }
 
-    /// The patterns after each photo of all systems. A system that ended keeps its last answer.
+    /// The patterns of all systems after each photo. A system that has ended keeps its last pattern.
     fn in_lockstep(&self, answers: &[Vec<Vec<f64>>]) -> Vec<Planes> {
         let most = answers.iter().map(Vec::len).max().unwrap_or(0);
         let at = |index: usize| {
@@ -112,7 +112,7 @@ impl Run<'_> {
         (0..most).filter_map(at).map(|answers| self.patterns(answers)).collect()
     }
 
-    /// The options of one system. `upper` is the channel's response to white, in units of the same colour.
+    /// The options of one system. `upper` is the channel's response to white, relative to its response to its own colour.
     fn solve_options(
         &mut self,
         operator: &mut dyn Adjoint,
@@ -124,7 +124,7 @@ impl Run<'_> {
         let constrained = method.facts().constraint != Constraint::None;
         let preconditioner =
             if constrained { None } else { self.preconditioner(operator, channel, white.clone())? };
-        // A rig that is not symmetric cannot photograph its transpose, but a mixture of blurs has one.
+        // If a rig is not symmetric, photos cannot measure its transpose, but a mixture of blurs has a transpose.
         let blurred = self.options.out_of_focus || operator.symmetry() != Symmetry::Symmetric;
         let surrogate: Option<Arc<dyn Surrogate>> = match method {
             Method::KrylovBox if blurred && self.dear && channel.is_some() => {
@@ -151,7 +151,7 @@ impl Run<'_> {
         channel: Option<usize>,
         white: Vec<f64>,
     ) -> Result<Option<Arc<dyn Preconditioner>>> {
-        // If projector and camera are apart, projector pixels do not correspond to pixels of the white photo.
+        // If projector and camera have different positions, projector pixels do not correspond to pixels of the white photo.
         if self.options.precondition.is_none() && operator.symmetry() != Symmetry::Symmetric {
             return Ok(None);
         }
@@ -182,7 +182,7 @@ impl Run<'_> {
                         found.direct
                     }
                 };
-                // The estimate may be negative where there is no light.
+                // The estimate may be negative at pixels without light.
                 Some(Arc::new(Diagonal::new(direct.into_iter().map(|value| value.max(0.0)).collect())?))
             }
             Precondition::Geometry => {
@@ -207,14 +207,14 @@ impl Run<'_> {
             return residuals.fold(0.0, f64::max);
         }
         let absolute = residuals.zip(self.b).map(|(residual, b)| match norm_of(std::slice::from_ref(b)) {
-            // For a channel without target light the residual is absolute.
+            // The residual of a channel without target light is absolute.
             0.0 => residual,
             length => residual * length,
         });
         absolute.map(|residual| residual * residual).sum::<f64>().sqrt() / norm_of(self.b)
     }
 
-    /// Combines the systems' histories into one. A system that ended keeps its last value.
+    /// Combines the histories of the systems. A system that has ended keeps its last value.
     fn history(&self, solutions: &[Solution]) -> Vec<CompensationRow> {
         let most = solutions.iter().map(|found| found.history.len()).max().unwrap_or(0);
         let at = |found: &Solution, index: usize| {
@@ -230,21 +230,21 @@ impl Run<'_> {
     }
 }
 
-/// A pattern of random signs and its photo.
+/// Takes the photo of a pattern of random signs. Returns the pattern and the photo.
 fn probe(operator: &mut dyn Operator) -> Result<(Vec<f64>, Vec<f64>)> {
     let probe = Start::default().vector(operator.cols());
     let photo = product(operator, &probe)?;
     Ok((probe, photo))
 }
 
-/// The frames of all systems after each photo. A system that ended takes no more.
+/// The total number of frames of all systems after each photo. A system that has ended takes no more frames.
 fn sums(frames: &[Vec<u64>]) -> Vec<u64> {
     let most = frames.iter().map(Vec::len).max().unwrap_or(0);
     let at = |index: usize| frames.iter().filter_map(|of| of.get(index).or(of.last())).sum();
     (0..most).map(at).collect()
 }
 
-/// Solves, and stores the answer after each photo if `keep` is set. The last result is the number of frames after each photo.
+/// Solves a system, and stores the pattern after each photo if `keep` is set. Also returns the number of frames after each photo.
 fn kept(
     method: Method,
     operator: &mut dyn Adjoint,
@@ -264,7 +264,7 @@ fn kept(
     Ok((solution, answers, recorded.frames))
 }
 
-/// The least successful status, because one channel within its tolerance does not speak for the others.
+/// The least successful status, because a single channel within its tolerance says nothing about the other channels.
 fn least_good(solutions: &[Solution]) -> Status {
     let statuses = || solutions.iter().map(|found| found.stats.status);
     let rank = |status: &Status| match status {
@@ -276,15 +276,16 @@ fn least_good(solutions: &[Solution]) -> Status {
     statuses().max_by_key(rank).unwrap_or(Status::ReachedTolerance)
 }
 
-/// Residuals that differ by less are equal, because patterns and photos are stored in single precision.
+/// Residuals that differ by less than this value count as equal, because patterns and photos are stored in single precision.
 pub(super) const ROUNDING: f64 = 1e-6;
 
-/// A projected pattern and its photos, taken or modelled. Each has one plane per channel, and photos are without ambient light.
+/// A projected pattern and its photos, taken or modelled. Patterns and photos have one plane per channel, and photos are without ambient
+/// light.
 pub(super) struct Answer<'a> {
     pub(super) target: &'a Target,
     pub(super) options: &'a CompensateOptions,
     pub(super) peak: f64,
-    /// The target light from the projector.
+    /// The light that the projector must add to reach the target.
     pub(super) b: &'a [Vec<f64>],
     pub(super) pattern: Planes,
     pub(super) observed: Planes,
@@ -292,15 +293,15 @@ pub(super) struct Answer<'a> {
 }
 
 impl Answer<'_> {
-    /// Completes the result with the figures that the method reports. A pattern is good in three cases: it is within the tolerance; it is
-    /// no worse than no compensation and the optimum inside the box; or it is better than no compensation, nobody asked for a tolerance,
-    /// and its photos allowed no more. Preparation and comparisons are left empty.
+    /// Completes the result with the values that the method reports. A pattern is good in three cases: it is within the tolerance; it is no
+    /// worse than no compensation, and is the optimum inside the box; or it is better than no compensation, the user requested no
+    /// tolerance, and its photos allowed no better pattern. Preparation and comparisons are left empty.
     pub(super) fn of(self, solved: Solved) -> Result<Compensation> {
         let Self { target, options, peak, b, pattern, observed, uncompensated } = self;
         let scale = norm_of(b);
         let residual = residual_norm(b, &observed) / scale;
         let uncompensated_residual = residual_norm(b, &uncompensated) / scale;
-        // The method's recurrence agrees with a photo only up to rounding.
+        // The residual that the method computes agrees with the residual of a photo only up to rounding.
         let reached = residual <= options.rtol * (1.0 + ROUNDING);
         let boxed = options.method.facts().constraint == Constraint::Box;
         let optimal = boxed && solved.status == Status::ConstrainedOptimum;

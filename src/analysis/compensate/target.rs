@@ -6,7 +6,7 @@ use crate::image::{Image, Resolution};
 use crate::krylov::{dot, norm};
 use crate::operator::Adjoint;
 
-/// A target in [0, 1] and the light without projector. Each has one plane per channel.
+/// A target in [0, 1], and the light without the projector. Both have one plane per channel.
 #[derive(Clone, Debug)]
 pub struct Target {
     resolution: Resolution,
@@ -15,8 +15,9 @@ pub struct Target {
 }
 
 impl Target {
-    /// A target under `ambient` light in W/(m² sr). The ambient light has one channel per system; a gray target applies to all channels.
-    /// Fails with [`Error::Dimension`] if the two differ in size, or the target is coloured and the ambient light gray.
+    /// Makes a target under `ambient` light in W/(m² sr). The ambient light has one channel per system; a gray target applies to all
+    /// channels. Fails with [`Error::Dimension`] if target and ambient light differ in size, or if the target is coloured and the ambient
+    /// light is gray.
     pub fn new(target: &Image, ambient: &Image) -> Result<Self> {
         let resolution = ambient.resolution();
         Error::check_size("pixels of the target", resolution, target.resolution())?;
@@ -35,7 +36,7 @@ impl Target {
         })
     }
 
-    /// The same target with values mapped from [0, 1] to [`lift`, 1]: `t ← α + (1 − α) t`.
+    /// The target with values mapped from [0, 1] to [`lift`, 1]: `t ← α + (1 − α) t`, where `α` is `lift`.
     pub(super) fn lifted(&self, lift: f64) -> Self {
         let plane = |plane: &Vec<f64>| plane.iter().map(|value| lift + (1.0 - lift) * value).collect();
         Self { target: self.target.iter().map(plane).collect(), ..self.clone() }
@@ -58,7 +59,7 @@ impl Target {
         Ok(())
     }
 
-    /// The default peak, half the median of the white photo with ambient light: an even scene could then be twice as bright.
+    /// The default peak: half the median of the white photo with ambient light. An even scene can then be twice as bright as the peak.
     pub(super) fn default_peak(&self, white: &[Vec<f64>]) -> Result<f64> {
         let seen = white.iter().zip(&self.ambient).flat_map(|(w, a)| w.iter().zip(a).map(|(w, a)| w + a));
         match 0.5 * median(seen.collect()) {
@@ -71,8 +72,8 @@ impl Target {
         }
     }
 
-    /// The target light from the projector: the target times `peak`, minus ambient light. It is negative where ambient light
-    /// is too bright; nothing is clipped.
+    /// The light that the projector must add: the target times `peak`, minus ambient light. It is negative where ambient light is too
+    /// bright, and is not clipped.
     pub(super) fn light(&self, peak: f64) -> Result<Planes> {
         let light = difference(&times(peak, &self.target), &self.ambient);
         if norm_of(&light) == 0.0 {
@@ -83,7 +84,7 @@ impl Target {
         Ok(light)
     }
 
-    /// The target as a pattern, dimmed by the peak over the median of the white photo (without ambient light).
+    /// The target as a pattern. It is dimmed by the ratio of the peak to the median of the white photo (without ambient light).
     pub(super) fn dimmed(&self, white: &[Vec<f64>], peak: f64) -> Planes {
         let bright = median(white.concat());
         times(if bright > 0.0 { peak / bright } else { 1.0 }, &self.target)
@@ -116,7 +117,7 @@ pub(super) fn residual_norm(b: &[Vec<f64>], y: &[Vec<f64>]) -> f64 {
     norm_of(&difference(b, y))
 }
 
-/// The median (the upper of two middle values); 0 without values.
+/// The median, which is the larger of two middle values. It is 0 if there are no values.
 fn median(mut values: Vec<f64>) -> f64 {
     let middle = values.len() / 2;
     if values.is_empty() {

@@ -1,22 +1,23 @@
-//! Lloyd's rounds that look only at points near a border between groups.
+//! Lloyd's rounds that only examine points near a border between groups.
 //!
 //! Each point keeps an upper bound of the distance to its own centre and a lower bound of the distance to any other centre. Both bounds
-//! follow from the movements of the centres (Hamerly, *Making k-means even faster*, SDM 2010, doi:10.1137/1.9781611972801.12). A point with
-//! an upper bound below its lower bound keeps its group, at the cost of two additions. A point that changes its group changes two sums.
+//! follow from the movements of the centres (Hamerly, *Making k-means even faster*, SDM 2010, doi:10.1137/1.9781611972801.12). If the upper
+//! bound of a point is below its lower bound, the point keeps its group, at the cost of two additions. A point that changes its group
+//! changes two sums.
 
 use rayon::prelude::*;
 
 use super::points::{Assignment, BLOCK, Points};
 
-/// Bounds that differ by less than this share of them may be in the wrong order by rounding, because about 50 rounds add to each.
+/// Bounds with a relative difference below this value may be in the wrong order, because about 50 rounds add rounding errors to each bound.
 const ROUNDING: f64 = 1e-12;
 
 struct Bounded<'a> {
     points: &'a Points<'a>,
     labels: Vec<usize>,
-    /// At least the distance of each point to its centre.
+    /// An upper bound of the distance of each point to its centre.
     upper: Vec<f64>,
-    /// At most the distance of each point to any other centre.
+    /// A lower bound of the distance of each point to any other centre.
     lower: Vec<f64>,
     weights: Vec<f64>,
     sums: Vec<Vec<f64>>,
@@ -24,18 +25,19 @@ struct Bounded<'a> {
 
 struct Moves {
     each: Vec<f64>,
-    /// The centre that has moved farthest, its distance, and the next largest distance.
+    /// The centre that has moved farthest, the distance that it has moved, and the next largest of these distances.
     farthest: (usize, f64, f64),
 }
 
-/// The changes of groups in a block of points: each group's gain of weight, and of the weighted sum of its points.
+/// The effect of the points of a block that change groups: the gain of each group in weight and in the weighted sum of its points.
 struct Change {
     weights: Vec<f64>,
     sums: Vec<Vec<f64>>,
 }
 
-/// Takes up to `rounds` rounds from the assignment of all points to these centres. It ends when no point changes its group, or a group has
-/// lost all its points. The sums are updated instead of recomputed, so that the centres are off by rounding. Returns the rounds taken.
+/// Takes up to `rounds` rounds, starting from an assignment of all points to these centres. Ends when no point changes its group, or when a
+/// group has lost all its points. The sums are updated instead of recomputed, so the centres have rounding errors. Returns the number of
+/// rounds.
 pub(super) fn advance(
     points: &Points<'_>,
     assignment: Assignment,
@@ -55,8 +57,8 @@ pub(super) fn advance(
 }
 
 impl Bounded<'_> {
-    /// Moves each centre to the mean of its group. Returns `None` and moves nothing where the weight of a group is negligible: a sum that
-    /// lost all its terms keeps their rounding errors.
+    /// Moves each centre to the mean of its group. Returns `None` and moves no centre if the weight of a group is negligible, because a sum
+    /// that has lost all its terms consists of their rounding errors.
     fn move_centres(&self, centres: &mut [Vec<f64>]) -> Option<Moves> {
         let least = 1e-9 * self.weights.iter().sum::<f64>() / self.labels.len().max(1) as f64;
         if self.weights.iter().any(|&weight| weight <= least) {
@@ -83,7 +85,7 @@ impl Bounded<'_> {
         Some(Moves { each, farthest })
     }
 
-    /// Assigns each point to its nearest centre. No centre is farther than `moves` from its last place. Returns whether any group changed.
+    /// Assigns each point to its nearest centre. `moves` holds the centres' movements. Returns true if any point changed its group.
     fn assign(&mut self, centres: &[Vec<f64>], moves: &Moves) -> bool {
         let points = self.points;
         let bounds = self.upper.par_chunks_mut(BLOCK).zip(self.lower.par_chunks_mut(BLOCK));
@@ -157,7 +159,7 @@ mod tests {
     fn rounds_by_bounds_end_where_rounds_over_all_points_do() {
         let mut random = Pcg64::seed_from_u64(3);
         for clusters in [2, 3, 7, 12] {
-            // A cloud without gaps: points change their groups for many rounds.
+            // The points are a cloud without gaps, so some points change their groups for many rounds.
             let column = |random: &mut Pcg64| (0..3000).map(|_| random.random::<f64>()).collect::<Vec<f64>>();
             let coordinates: Vec<Vec<f64>> = (0..4).map(|_| column(&mut random)).collect();
             let weights = column(&mut random);
@@ -183,7 +185,7 @@ mod tests {
             let taken = advance(&points, points.assign(&start), &mut bounded, 1000);
             assert!(rounds > 10, "the cloud is to take many rounds, not {rounds}");
             assert_eq!((taken, points.assign(&bounded).labels), (rounds, plain.labels), "{clusters} groups");
-            // Sums that are updated instead of recomputed are off by the rounding of at most 3,000 additions.
+            // Sums that are updated instead of recomputed differ by the rounding of at most 3,000 additions.
             let off = bounded.iter().flatten().zip(centres.iter().flatten()).map(|(a, b)| (a - b).abs());
             assert!(off.fold(0.0, f64::max) < 3000.0 * f64::EPSILON);
         }

@@ -12,17 +12,17 @@ use rand_pcg::Pcg64;
 pub struct KmeansOptions {
     /// The number of groups, `K`.
     pub clusters: usize,
-    /// The number of starts; the best result is used. Default 64/K, at least 8, because a start costs in proportion to K, and near ties
-    /// between two groups are common in symmetric scenes.
+    /// The number of starts. The best result of all starts is used. Default 64/K, at least 8, because the cost of a start is proportional
+    /// to K, and near ties between two groups are common in symmetric scenes.
     pub restarts: usize,
-    /// The most rounds per start. Default 100.
+    /// The largest number of rounds per start. Default 100.
     pub rounds: usize,
     /// Seed of the starts.
     pub seed: u64,
 }
 
 impl KmeansOptions {
-    /// Options for `clusters` groups, otherwise the defaults.
+    /// Options for `clusters` groups, with defaults for all other options.
     pub fn new(clusters: usize, seed: u64) -> Self {
         Self { clusters, restarts: (64 / clusters.max(1)).max(8), rounds: 100, seed }
     }
@@ -41,10 +41,11 @@ pub struct Clusters {
 
 /// Groups `n` points of `d` coordinates to minimize `Σ w_i ‖x_i − c(i)‖²`, where `c(i)` is the weighted mean of the point's group.
 ///
-/// Lloyd's algorithm (doi:10.1109/TIT.1982.1056489) from k-means++ starts (Arthur and Vassilvitskii, SODA 2007) finds local minima; the
-/// best of several is returned. For more than 32,768 points, the starts are compared on a random sample, and the best continues with all
-/// points (as Bradley and Fayyad, ICML 1998, choose starts). An empty group gets the point farthest from its centre. With fewer than `K`
-/// distinct points, some groups stay empty. The result depends only on the seed, not on the number of threads.
+/// Lloyd's algorithm (doi:10.1109/TIT.1982.1056489) from k-means++ starts (Arthur and Vassilvitskii, SODA 2007) finds local minima, and the
+/// best of several minima is returned. For more than 32,768 points, the starts are compared on a random sample, and the best start
+/// continues with all points (as Bradley and Fayyad, ICML 1998, choose starts). If a group becomes empty, it gets the point that is
+/// farthest from its own centre. With fewer than `K` distinct points, some groups stay empty. The result depends only on the seed, not on
+/// the number of threads.
 ///
 /// `coordinates` holds `d` columns of length `n`; `weights` has length `n` and is not negative.
 pub fn kmeans(coordinates: &[Vec<f64>], weights: &[f64], options: &KmeansOptions) -> Clusters {
@@ -61,7 +62,7 @@ pub fn kmeans(coordinates: &[Vec<f64>], weights: &[f64], options: &KmeansOptions
     lloyd(&points, best_start(&sample, options, &mut random).centres, options.rounds)
 }
 
-/// Most points on which all starts are compared. A group of a thousandth of all points then has about 32 of them.
+/// The largest number of points on which all starts are compared. A group of a thousandth of all points then has about 32 of these points.
 const MOST_COMPARED: usize = 1 << 15;
 
 /// Draws one point at random from each group of consecutive points.
@@ -81,7 +82,7 @@ fn best_start(points: &Points<'_>, options: &KmeansOptions, random: &mut Pcg64) 
     best
 }
 
-/// Lloyd's rounds from these centres. Most rounds look only at points near a border. The last one looks at all and recomputes all sums.
+/// Lloyd's rounds from these centres. Most rounds examine only points near a border; the last round examines all, and recomputes all sums.
 fn lloyd(points: &Points<'_>, mut centres: Vec<Vec<f64>>, rounds: usize) -> Clusters {
     let mut assignment = points.assign(&centres);
     let mut left = rounds;
@@ -148,7 +149,7 @@ mod tests {
         let clusters = kmeans(&columns, &weights, &KmeansOptions::new(7, 1));
         let label = |i: usize| clusters.labels[i];
         assert!((0..2100).all(|i| label(i) == label(i % 7)), "points of a ring share a label");
-        // Each circle has radius ½ around (nearly) its mean: ¼ per point, and never more around the exact mean.
+        // Each circle has the radius ½ around a centre that is nearly its mean. Each point adds ¼, and the exact mean gives no larger sum.
         assert!(
             clusters.inertia <= 0.25 * 2100.0 && clusters.inertia > 0.249 * 2100.0,
             "{}",
@@ -170,7 +171,7 @@ mod tests {
 
     #[test]
     fn many_points_are_grouped_as_few_are() {
-        // One group has a hundredth of the points of the others.
+        // The last group has a hundredth of the points of each other group.
         let centres = [(0.0, 0.0), (9.0, 0.0), (0.0, 9.0), (9.0, 9.0)];
         let mut columns = rings(&centres, 1.0, 12_000);
         for (column, value) in columns.iter_mut().zip([30.0, 4.0]) {
@@ -182,7 +183,7 @@ mod tests {
         let label = |i: usize| clusters.labels[i];
         assert!((0..48_000).all(|i| label(i) == label(i % 4)));
         assert!((48_000..count).all(|i| label(i) == label(48_000) && label(i) != label(i % 4)));
-        // Every point counts. The circles have radius 1 around their means.
+        // All points count in the inertia. The circles have radius 1 around their means.
         assert!((clusters.inertia / 48_000.0 - 1.0).abs() < 1e-3, "{}", clusters.inertia);
     }
 

@@ -1,10 +1,10 @@
-//! Points, and the two operations on all of them: drawing the first centres and assigning points to the nearest centre.
+//! Points, and two operations on all of them: draw the first centres, and assign each point to the nearest centre.
 
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-/// Points per block. The size is fixed, so that sums are added in the same order for any number of threads.
+/// The number of points per block. It is fixed, so that sums are added in the same order for any number of threads.
 pub(super) const BLOCK: usize = 512;
 
 /// `n` weighted points of `d` coordinates.
@@ -61,7 +61,7 @@ impl Points<'_> {
         });
     }
 
-    /// Computes `‖x_i − centre‖²` for a block's points, column by column so that it vectorizes.
+    /// Computes `‖x_i − centre‖²` for the points of a block. The loop goes column by column, so that it vectorizes.
     fn squared_distances(&self, first: usize, centre: &[f64], squares: &mut [f64]) {
         squares.fill(0.0);
         for (column, &centre) in self.coordinates.iter().zip(centre) {
@@ -120,7 +120,8 @@ impl Points<'_> {
         total
     }
 
-    /// The nearest centre of one point, and the squared distances to it and to the nearest other one, equal to [`Self::assign`]'s.
+    /// Finds the nearest centre of one point, and the squared distances to the two nearest centres. The results equal those of
+    /// [`Self::assign`].
     pub(super) fn nearest(&self, point: usize, centres: &[Vec<f64>]) -> (usize, f64, f64) {
         let (mut label, mut distance, mut second) = (0, f64::INFINITY, f64::INFINITY);
         for (cluster, centre) in centres.iter().enumerate() {
@@ -161,7 +162,7 @@ impl Points<'_> {
     }
 }
 
-/// Draws an index with probability proportional to `odds`; any index if all are zero.
+/// Draws an index with a probability proportional to `odds`. If all `odds` are zero, it may draw any index.
 fn draw(odds: &[f64], random: &mut Pcg64) -> usize {
     let total: f64 = odds.iter().sum();
     let mut left = random.random::<f64>() * total;

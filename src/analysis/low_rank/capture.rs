@@ -14,18 +14,18 @@ use crate::operator::{Operator, Product, Recorded, Symmetry};
 pub struct LowRankCapture {
     /// The number of photos of the process, which is also the rank `k` of `W Qᵀ`; at least 1.
     pub photos: usize,
-    /// The first pattern. `None` stands for all ones, which makes the white photo part of the capture and begins with smooth patterns.
+    /// The first pattern. The default `None` means all ones, so that the capture includes the white photo and begins with smooth patterns.
     pub start: Option<Start>,
-    /// Further start vectors of the first block, for a symmetric operator; other operators ignore them. One start finds one vector per
-    /// eigenspace. It hardly separates similar regions without exchange, such as the cups of a carton; [`smooth_starts`] do.
+    /// Further start vectors of the first block, for a symmetric operator. Other operators ignore them. A single start finds one vector per
+    /// eigenspace. It hardly separates similar regions without exchange, such as the cups of a carton, but [`smooth_starts`] separate them.
     pub beside: Vec<Vec<f64>>,
 }
 
-/// Returns `count` smooth random patterns (`n` each) for [`LowRankCapture::beside`]: random signs blurred by a sixteenth of the
-/// width. Global light and natural images are smooth as well.
+/// Returns `count` smooth random patterns (`n` each) for [`LowRankCapture::beside`]. They are random signs blurred by a sixteenth of the
+/// width, because global light and natural images are smooth as well.
 ///
-/// With 40 photos of a carton at 100×100 and eleven such starts besides white, checkerboards, stripes and a half-lit field are
-/// relit within 3.2 to 4.7 %. With white alone, four natural images are relit within 2.2 to 5.9 %.
+/// With 40 photos of a carton at 100×100 and eleven of these starts in addition to white, the model relights checkerboards, stripes and a
+/// half-lit field with errors of 3.2 to 4.7 %. With white alone, it relights four natural images with errors of 2.2 to 5.9 %.
 pub fn smooth_starts(resolution: Resolution, count: usize, seed: u64) -> Vec<Vec<f64>> {
     smooth_patterns(resolution, std::f64::consts::SQRT_2 * default_sigma(resolution), count, seed)
 }
@@ -36,9 +36,9 @@ impl Default for LowRankCapture {
     }
 }
 
-/// Captures a model from `photos` photos with `operator` (`n × n`, without its direct light). `direct` is the direct image under
-/// white (`n`), or empty if it stays in the operator. The operator's observer sees each photo ([`Estimate::Unpredicted`]). A
-/// break ends the capture with the photos taken so far.
+/// Captures a model from `photos` photos with `operator` (`n × n`, without its direct light). `direct` is the direct image under white
+/// (`n`), or empty if direct light stays in the operator. The operator's observer sees each photo ([`Estimate::Unpredicted`]). If the
+/// observer breaks, the capture ends with the photos taken so far.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `operator` is not square or `direct` has another length; any
@@ -53,7 +53,7 @@ pub fn capture(operator: &mut dyn Operator, direct: &[f64], options: &LowRankCap
     let mut recorder = Recorded::new(operator);
     let basis = if symmetric {
         let mut block = vec![start];
-        // With a block wider than the number of photos, some start vectors would never be photographed.
+        // If the block were wider than the number of photos, some start vectors would never be photographed.
         block.extend(options.beside.iter().take(options.photos - 1).cloned());
         run(Factorization::block_lanczos(&block, &[])?, &mut recorder, (options.photos, symmetric))?
     } else {
@@ -86,8 +86,9 @@ fn run(
     Ok(process.basis().to_vec())
 }
 
-/// The part of the last photo that the model of the earlier photos did not predict: `‖w − Q Wᵀ q‖` for a pattern `q` of norm 1, relative to
-/// the strongest photo. The model's error falls with it. Without symmetry, the model predicts nothing for a new orthogonal pattern.
+/// The part of the last photo that the model of the earlier photos did not predict: `‖w − Q Wᵀ q‖` for a pattern `q` of norm 1 and its
+/// photo `w`, relative to the strongest photo. This part falls with the error of the model. Without symmetry, the model predicts nothing
+/// for a new orthogonal pattern.
 fn unpredicted(products: &[Product], symmetric: bool) -> f64 {
     let Some((last, before)) = products.split_last() else { return 1.0 };
     let mut rest = last.to.clone();
@@ -103,14 +104,14 @@ fn unpredicted(products: &[Product], symmetric: bool) -> f64 {
 /// A pattern adds only noise if less than this share of its norm lies outside the span of the earlier patterns.
 const NEW: f64 = 1e-3;
 
-/// The model of products `G x`, in the order in which they were taken; `G` is all light but the direct part. The patterns need
-/// not be orthogonal. `direct` has the meaning that it has in [`LowRank::new`]. Fails with [`Error::Numerical`] if all patterns
-/// are dark, and with [`Error::Dimension`] if lengths differ.
+/// Makes the model from products `G x`, in the order in which they were taken. `G` is all light except direct light. The patterns need not
+/// be orthogonal. `direct` has the same meaning as in [`LowRank::new`]. Fails with [`Error::Numerical`] if all patterns are dark, and with
+/// [`Error::Dimension`] if lengths differ.
 pub fn from_products(products: Vec<Product>, direct: Vec<f64>, symmetric: bool) -> Result<LowRank> {
     let (mut basis, mut photos): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
     for Product { from: mut pattern, to: mut photo } in products {
         let before = norm(&pattern);
-        // The second pass removes the rounding errors of the first.
+        // A second pass removes the rounding errors of the first pass.
         for _ in 0..2 {
             for (q, w) in basis.iter().zip(&photos) {
                 let share = dot(q, &pattern);
@@ -134,8 +135,9 @@ pub fn from_products(products: Vec<Product>, direct: Vec<f64>, symmetric: bool) 
     LowRank::new(basis, photos, direct, symmetric)
 }
 
-/// Estimates unmeasured direct light as a share of the white photo. The share is the median of `θ = vᵀ D^-½ A D^-½ v` over the
-/// newer half of the directions `v` of `products` with all light. Direct light prevails there, because global light is smooth.
+/// Estimates unmeasured direct light as a share of the white photo, from `products` with all light. The share is the median of
+/// `θ = vᵀ D^-½ A D^-½ v` over the newer half of the directions `v` of the products. Direct light dominates in these directions, because
+/// global light is smooth.
 pub fn estimated_direct(products: &[Product], white: &[f64]) -> Result<Vec<f64>> {
     let floor = 1e-3 * white.iter().copied().fold(0.0, f64::max);
     let root: Vec<f64> = white.iter().map(|white| white.max(floor).sqrt()).collect();

@@ -7,7 +7,8 @@ use crate::krylov::{EigsOptions, LowRankOptions, Start, Which, dot, eigs, random
 use crate::operator::{Adjoint, Operator, Symmetry, product};
 use crate::sparse::Csr;
 
-/// Products for the best approximation of each rank, besides four times the rank. Its error is then well below one per cent.
+/// The number of products for the best approximation of each rank, in addition to four times the rank. The error of this approximation is
+/// then well below one per cent.
 const EXTRA_PRODUCTS: usize = 40;
 
 /// The direct light of a channel of `n` pixels.
@@ -19,20 +20,20 @@ pub enum DirectPart {
     Matrix(Csr),
 }
 
-/// The model's error after a number of photos, relative in the Frobenius norm of the global part of the matrix.
+/// The model's error after a number of photos, relative to the global part of the matrix, in the Frobenius norm.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct RankRow {
     /// Number of photos.
     pub photos: usize,
-    /// The error of the model, which uses symmetry if the rig has it.
+    /// The error of the model. The model uses symmetry if the rig is symmetric.
     pub error: f64,
     /// The error of `W Qᵀ` alone.
     pub one_sided: f64,
-    /// The least error of any matrix of this rank.
+    /// The smallest error of any matrix of this rank.
     pub optimal: Option<f64>,
 }
 
-/// Captures every channel. `global` holds operators of the light of two and more bounces (`n × n`), `direct` their direct light.
+/// Captures every channel. `global` holds operators of the light of two or more bounces (`n × n`), and `direct` holds the direct light.
 /// Fails as [`capture()`] does.
 pub fn capture_channels<O: Adjoint>(
     global: &mut [O],
@@ -49,8 +50,8 @@ pub fn capture_channels<O: Adjoint>(
     Ok(found)
 }
 
-/// Measures the direct light of one channel by products with white and with random signs, which reveal any matrix but a diagonal.
-/// Fails with [`Error::Option`] if it is not a diagonal, or as the products do.
+/// Measures the direct light of one channel by products with white and with random signs. These products reveal any matrix that is not a
+/// diagonal. Fails with [`Error::Option`] if the matrix is not a diagonal, or with the errors of the products.
 pub fn diagonal_of(direct: &mut dyn Operator) -> Result<DirectPart> {
     let n = direct.cols();
     let diagonal = product(direct, &vec![1.0; n])?;
@@ -68,7 +69,7 @@ pub fn diagonal_of(direct: &mut dyn Operator) -> Result<DirectPart> {
     .help("use --operator replay, or pinholes behind one beam splitter"))
 }
 
-/// The models' error over all channels for each number of photos, against the true matrices. `matrices` are the global parts of
+/// The error of the models over all channels for each number of photos, compared with the true matrices. `matrices` are the global parts of
 /// the true matrices, one per channel, and `global` holds their operators.
 pub fn rank_curve<O: Adjoint>(
     models: &[LowRank],
@@ -89,7 +90,7 @@ pub fn rank_curve<O: Adjoint>(
     for (operator, &total) in global.iter_mut().zip(&totals) {
         best.push(best_errors(operator, total, ranks)?);
     }
-    // Squares of errors add up. A channel that ended early keeps its last error.
+    // Squares of errors add up. A channel that has ended early keeps its last error.
     let together = |of: &dyn Fn(usize) -> f64| -> f64 {
         let square: f64 = totals.iter().enumerate().map(|(c, total)| (of(c) * total).powi(2)).sum();
         (square / whole).sqrt()
@@ -115,30 +116,30 @@ fn best_errors<O: Adjoint>(operator: &mut O, total: f64, ranks: usize) -> Result
     Ok(errors_after(&randomized_svd(operator, &options)?.values, total))
 }
 
-/// The error after a number of photos.
+/// The error of a model after a number of photos.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct ErrorRow {
     /// The number of photos, `k`.
     pub photos: usize,
     /// The model's error, `‖G − G_k‖_F / ‖G‖_F`.
     pub error: f64,
-    /// The same for the capture's `W Qᵀ` alone, which needs no symmetry.
+    /// The error of the capture's `W Qᵀ` alone, which needs no symmetry.
     pub one_sided: f64,
 }
 
-/// The error of each rank up to the model's, given `‖G‖_F` of the captured matrix (without direct light).
+/// The error of the model truncated to each rank, given `‖G‖_F` of the captured matrix (without direct light).
 ///
-/// It needs no product. In the Frobenius norm, `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`; for symmetric `G` and `T = QᵀW`, `‖G − G_k‖² = ‖G‖²
-/// − 2‖W‖² + ‖T‖²`.
+/// The errors need no product. In the Frobenius norm, `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`. For a symmetric `G` and `T = QᵀW`,
+/// `‖G − G_k‖² = ‖G‖² − 2‖W‖² + ‖T‖²`.
 pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
     let total = frobenius * frobenius;
-    // Without global light the model is exact.
+    // Without global light, the model is exact.
     let share = |square: f64| Ratio::of(square.max(0.0).sqrt(), frobenius, 0.0).value().unwrap_or(0.0);
     let (mut photos_square, mut projected_square) = (0.0, 0.0);
     let mut rows = Vec::with_capacity(model.rank());
     for k in 0..model.rank() {
         photos_square += dot(&model.photos()[k], &model.photos()[k]);
-        // The new row and column of T.
+        // Adds the new row and column of T.
         for j in 0..=k {
             let entry = dot(&model.basis()[j], &model.photos()[k]);
             projected_square += entry * entry * if j == k { 1.0 } else { 2.0 };
@@ -152,8 +153,8 @@ pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
     rows
 }
 
-/// The least error of any matrix of each rank up to `ranks` (Eckart and Young, doi:10.1007/BF02288367). It follows from the eigenvalues of
-/// largest magnitude of a symmetric `G`, as far as they converge within `products` products. Fails as [`eigs`] does.
+/// The smallest error of any matrix of each rank up to `ranks` (Eckart and Young, doi:10.1007/BF02288367). It follows from the eigenvalues
+/// of largest magnitude of a symmetric `G`, as far as they converge within `products` products. Fails as [`eigs`] does.
 pub fn optimal_errors(
     operator: &mut dyn Operator,
     frobenius: f64,
@@ -170,7 +171,7 @@ pub fn optimal_errors(
     Ok(errors_after(&eigs(operator, &options)?.values, frobenius))
 }
 
-/// The relative error after each of these eigenvalues or singular values, for a matrix of this Frobenius norm.
+/// The relative error that remains after each eigenvalue or singular value, for a matrix with this Frobenius norm.
 fn errors_after(values: &[f64], frobenius: f64) -> Vec<f64> {
     let mut rest = frobenius * frobenius;
     let after = |value: &f64| {
@@ -244,7 +245,7 @@ mod tests {
                 let entry = |i: usize, j: usize| columns[j][i] - if i == j { direct[i] } else { 0.0 };
                 let missed = square(&|i, j| dense.entry(i, j) - entry(i, j)).sqrt() / frobenius;
                 let told = if symmetric { curve[k - 1].error } else { curve[k - 1].one_sided };
-                // The cancellation of squares leaves half of the digits.
+                // The cancellation between the squares loses half of the digits.
                 assert!((missed - told).abs() < 1e-7, "{symmetric} {k}: {missed} {told}");
                 for i in 0..n {
                     let row = truncated.dual(&unit(n, i));
@@ -252,7 +253,7 @@ mod tests {
                     assert!(k < 5 || (diagonal[i] - columns[i][i]).abs() < 1e-12, "diagonal at {i}");
                 }
             }
-            // The first pattern is white: its photo is exact.
+            // The first pattern is white, so the relit white photo is exact.
             let mut white = vec![0.0; n];
             dense.apply(&vec![1.0; n], &mut white)?;
             for (i, relit) in model.relight(&vec![1.0; n]).iter().enumerate() {

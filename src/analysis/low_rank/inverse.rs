@@ -1,20 +1,20 @@
-//! Inverse transport: a photo without its interreflections.
+//! Inverse transport: removes the interreflections from a photo.
 //!
-//! A photo is `y = A p = D p + G p`. The direct image is `z = D p = D A⁻¹ y` for any pattern `p`, and solves
+//! A photo is `y = A p = D p + G p`. The direct image is `z = D p = D A⁻¹ y` for any pattern `p`. It solves
 //!
 //! ```text
 //! (I + G D⁻¹) z = y
 //! ```
 //!
-//! All eigenvalues of this system are positive and most are near 1, so it takes a few dozen products. With a model they cost no
-//! photo. The source is Seitz, Matsushita and Kutulakos, *A theory of inverse light transport* (2005),
+//! All eigenvalues of this system are positive and most are near 1, so a solver takes only a few dozen products. With a model, these
+//! products cost no photo. The source is Seitz, Matsushita and Kutulakos, *A theory of inverse light transport* (2005),
 //! doi:10.1109/ICCV.2005.25; `D A⁻¹` is their `C₁`.
 
 use crate::error::{Error, Result};
 use crate::krylov::{Method, SolveOptions, Status, solve};
 use crate::operator::{Operator, Symmetry, between, delegate};
 
-/// Pixels with less than this share of the greatest direct light count as unlit. The other pixels account for the light that they send.
+/// Pixels with less than this share of the largest direct light count as unlit. Light from unlit pixels is attributed to the other pixels.
 const DARK: f64 = 1e-6;
 
 /// The result of [`cancel_interreflections`].
@@ -28,13 +28,13 @@ pub struct Cancelled {
     pub residual: f64,
     /// Number of products with `G`.
     pub products: usize,
-    /// Why the solver ended.
+    /// The reason why the solver ended.
     pub status: Status,
 }
 
-/// Removes the interreflections from `photo` (`n`, without ambient light). `global` is light transport without its direct part
-/// (`n × n`; [`LowRank::global`](super::LowRank::global) or the true one). `direct` is the diagonal of the direct part (`n`).
-/// Takes at most `products` products with `global`, to a relative residual of 1e-6.
+/// Removes the interreflections from `photo` (`n`, without ambient light). `global` is light transport without its direct part (`n × n`),
+/// either from a model ([`LowRank::global`](super::LowRank::global)) or the true transport. `direct` is the diagonal of the direct part
+/// (`n`). Takes at most `products` products with `global`, to a relative residual of 1e-6.
 ///
 /// # Errors
 /// [`Error::Dimension`] if sizes differ; [`Error::Numerical`] if no pixel has direct light; the errors of [`solve`].
@@ -101,7 +101,7 @@ mod tests {
     use super::super::{LowRank, LowRankCapture, capture};
     use super::*;
 
-    /// `G = u uᵀ / 10 + v vᵀ / 20` of 8 pixels, which a model of two photos represents exactly.
+    /// `G = u uᵀ / 10 + v vᵀ / 20` for 8 pixels. A model of two photos represents it exactly.
     struct RankTwo;
 
     impl Operator for RankTwo {
@@ -139,7 +139,7 @@ mod tests {
                 (0..8).map(|i| if i == 3 { 0.0 } else { ((seed + 5 * i) % 7) as f64 / 7.0 }).collect();
             let found = cancel_interreflections(&mut model.global(), &direct, &model.relight(&pattern), 50)?;
             for i in 0..8 {
-                // The solver's tolerance is 1e-6 of the photo, which is below 10.
+                // The solver's tolerance is 1e-6 times the norm of the photo, which is below 10.
                 assert!((found.direct[i] - direct[i] * pattern[i]).abs() < 1e-5, "direct light at {i}");
                 assert!((found.pattern[i] - pattern[i]).abs() < 1e-5, "pattern at {i}");
             }

@@ -1,18 +1,19 @@
-//! Low-rank light transport: one capture of `k` photos relights any pattern without further photos.
+//! Low-rank light transport: a single capture of `k` photos relights any pattern without further photos.
 //!
-//! The Krylov process gives an orthonormal basis `Q` (`n × k`) and the photos `W = G Q` of its patterns. For a symmetric `G` these contain
-//! more than the projection `Q QᵀG Q Qᵀ`. They contain all of `G` except the part that maps the complement of the space into itself,
+//! The Krylov process gives an orthonormal basis `Q` (`n × k`) and the photos `W = G Q` of the basis vectors. For a symmetric `G`, the
+//! photos contain more than the projection `Q QᵀG Q Qᵀ`. They contain all of `G` except the part that maps the orthogonal complement of `Q`
+//! into itself:
 //!
 //! ```text
 //! G_k = W Qᵀ + Q Wᵀ − Q (QᵀW) Qᵀ,      G − G_k = (I − Q Qᵀ) G (I − Q Qᵀ)
 //! ```
 //!
-//! `G_k` is symmetric, and exact on the span of `Q`. For other matrices, `G_k = W Qᵀ`. Direct light has no low rank (on a coaxial rig it is
-//! the diagonal) and is stored separately: `A ≈ D + G_k`. Without further photos, the model relights any pattern, computes dual
-//! photographs, and removes interreflections from photos ([`cancel_interreflections`]).
+//! `G_k` is symmetric, and exact on the span of `Q`. For a matrix `G` that is not symmetric, `G_k = W Qᵀ`. Direct light has no low rank (on
+//! a coaxial rig it is a diagonal) and is stored separately: `A ≈ D + G_k`. Without further photos, the model relights any pattern,
+//! computes dual photographs, and removes interreflections from photos ([`cancel_interreflections`]).
 //!
 //! The source is O'Toole and Kutulakos, *Optical computing for fast light transport analysis* (2010), doi:10.1145/1882261.1866165, sections
-//! 4 and 7. They use Arnoldi, `W Qᵀ`, and no diagonal.
+//! 4 and 7. They use an Arnoldi process and `W Qᵀ`, and do not store a diagonal separately.
 
 mod capture;
 mod channels;

@@ -7,7 +7,7 @@ use crate::krylov::{dot, norm};
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::sparse::Csr;
 
-/// The model `A ≈ D + G_k` (`n × n`) from `k` photos (see the module). `D` is a diagonal (coaxial pinholes) or a sparse matrix.
+/// The model `A ≈ D + G_k` (`n × n`) from `k` photos (see the module). `D` is a diagonal (for coaxial pinholes) or a sparse matrix.
 #[derive(Clone, Debug)]
 pub struct LowRank {
     basis: Vec<Vec<f64>>,
@@ -18,8 +18,8 @@ pub struct LowRank {
 }
 
 impl LowRank {
-    /// The model of `k` orthonormal patterns and their photos without direct light (`n` values each). `direct` has `n` values,
-    /// or is empty. Fails with [`Error::Dimension`] if sizes differ.
+    /// Makes the model from `k` orthonormal patterns and their photos without direct light (`n` values each). `direct` has `n` values, or
+    /// is empty. Fails with [`Error::Dimension`] if sizes differ.
     pub fn new(
         basis: Vec<Vec<f64>>,
         photos: Vec<Vec<f64>>,
@@ -37,8 +37,8 @@ impl LowRank {
         Ok(Self { basis, photos, direct, spread: None, symmetric })
     }
 
-    /// The same model with a direct part that is not a diagonal, for an open lens or a projector apart from the camera. Fails
-    /// with [`Error::Dimension`] if it is not `n × n`.
+    /// Replaces the direct part by a matrix that is not a diagonal, for an open lens or for a projector at another position than the
+    /// camera. Fails with [`Error::Dimension`] if the matrix is not `n × n`.
     pub fn with_direct_matrix(self, direct: Csr) -> Result<Self> {
         let n = self.cols();
         let found = format!("{}x{}", direct.rows(), direct.cols());
@@ -53,7 +53,7 @@ impl LowRank {
         Self { direct: Vec::new(), spread: None, ..self.clone() }
     }
 
-    /// The diagonal `D` (`n`); empty if there is none, or if `D` is not a diagonal.
+    /// The diagonal `D` (`n`); empty if there is no `D`, or if `D` is not a diagonal.
     pub fn direct(&self) -> &[f64] {
         &self.direct
     }
@@ -63,7 +63,7 @@ impl LowRank {
         self.spread.as_ref().map(|both| &both[0])
     }
 
-    /// Whether `G_k` is symmetric, and so more accurate than `W Qᵀ`.
+    /// Returns true if `G_k` is symmetric, which makes it more accurate than `W Qᵀ`.
     pub fn is_symmetric(&self) -> bool {
         self.symmetric
     }
@@ -78,7 +78,7 @@ impl LowRank {
         self.basis.len()
     }
 
-    /// The patterns `Q`, orthonormal and signed.
+    /// The patterns `Q`, which are orthonormal and have negative values.
     pub fn basis(&self) -> &[Vec<f64>] {
         &self.basis
     }
@@ -88,7 +88,7 @@ impl LowRank {
         &self.photos
     }
 
-    /// The same model from the first `rank` photos only.
+    /// The model from the first `rank` photos only.
     pub fn truncated(&self, rank: usize) -> Self {
         let first = |vectors: &[Vec<f64>]| vectors.iter().take(rank).cloned().collect();
         Self {
@@ -100,7 +100,7 @@ impl LowRank {
         }
     }
 
-    /// Relights a pattern: its photo `A x` (`n`; patterns may be signed), without taking one.
+    /// Relights a pattern: computes its photo `A x` (`n`) without taking a photo. Patterns may have negative values.
     ///
     /// # Panics
     /// In debug builds, if `x` does not have `n` entries.
@@ -111,7 +111,7 @@ impl LowRank {
     /// The dual photograph `Aᵀ y`: the scene seen from the projector and lit from the camera by `y`.
     ///
     /// # Panics
-    /// The same as [`LowRank::relight`].
+    /// In debug builds, if `y` does not have `n` entries.
     pub fn dual(&self, pattern: &[f64]) -> Vec<f64> {
         if self.symmetric {
             return self.relight(pattern);
@@ -119,7 +119,7 @@ impl LowRank {
         self.product(pattern, &self.photos, &self.basis, 1)
     }
 
-    /// The diagonal (`n`): the light that each pixel returns to itself.
+    /// The diagonal of the model (`n`): the light that each pixel returns to itself.
     pub fn diagonal(&self) -> Vec<f64> {
         let mut diagonal = match (&self.spread, self.direct.is_empty()) {
             (Some(both), _) => both[0].diagonal(),
@@ -162,7 +162,7 @@ impl LowRank {
         }
     }
 
-    /// `D x + to (fromᵀ x)` (`Dᵀ x` for `side` 1). A symmetric model adds `from (toᵀ z)`, where `z = x − from (fromᵀ x)` is the rest.
+    /// `D x + to (fromᵀ x)` (`Dᵀ x` for `side` 1). A symmetric model adds `from (toᵀ z)`, where `z = x − from (fromᵀ x)`.
     fn product(&self, x: &[f64], from: &[Vec<f64>], to: &[Vec<f64>], side: usize) -> Vec<f64> {
         debug_assert!(from.iter().all(|vector| vector.len() == x.len()));
         let mut y = self.direct_product(x, side);
@@ -215,14 +215,14 @@ impl Adjoint for LowRank {
     }
 }
 
-/// One in `LAST` photos, the last ones, shows how much light an unseen direction sends.
+/// The last `1/LAST` of the photos show how much light an unseen direction sends.
 const LAST: usize = 4;
 
 impl LowRank {
-    /// The expected norm of the error of a product with `x` (`n` values), in the unit of the photos. It is the part of `x` outside the span
-    /// of the captured patterns, times the light that a new direction sends. A Krylov process finds directions that send much light first.
-    /// The last quarter of its photos therefore shows how much the next ones send; random patterns outside send less. Noise of the photos
-    /// is not counted.
+    /// The expected norm of the error of a product with `x` (`n` values), in the unit of the photos. It is the norm of the part of `x`
+    /// outside the span of the captured patterns, times the light that a new direction sends. A Krylov process finds directions that send
+    /// much light first, so the last quarter of its photos shows how much light the next directions send. Random patterns outside the span
+    /// send less. The noise of the photos is not included.
     pub fn error_of_rank(&self, x: &[f64]) -> f64 {
         let photos = self.photos();
         let newest = &photos[photos.len() - photos.len().div_ceil(LAST)..];
@@ -245,7 +245,7 @@ mod tests {
     fn captured_patterns_are_known_and_others_by_what_the_last_photos_sent() -> Result<()> {
         let unit = |at: usize| (0..8).map(|i| f64::from(u8::from(i == at))).collect::<Vec<f64>>();
         let scaled = |at: usize, by: f64| unit(at).iter().map(|value| by * value).collect::<Vec<f64>>();
-        // Photos that fade from 1 to 0.2.
+        // The norms of the photos fall from 1 to 0.2.
         let photos = vec![scaled(0, 1.0), scaled(1, 0.6), scaled(2, 0.4), scaled(3, 0.2)];
         let model = LowRank::new((0..4).map(unit).collect(), photos, Vec::new(), true)?;
         assert_eq!(model.error_of_rank(&scaled(2, 3.0)), 0.0);

@@ -11,7 +11,7 @@ use crate::io::model::{ChannelArrays, DirectArrays, ModelArrays};
 use crate::operator::Adjoint;
 use crate::transport::Squares;
 
-/// The most products, with the model or the true matrix, to remove the interreflections of one photo.
+/// The largest number of products, with the model or the true matrix, to remove the interreflections of one photo.
 const PRODUCTS: usize = 200;
 
 /// A relit pattern.
@@ -21,15 +21,15 @@ pub struct Relit {
     pub name: String,
     /// The pattern.
     pub pattern: Image,
-    /// The photo predicted by the model, ambient light included.
+    /// The photo predicted by the model, including ambient light.
     pub relit: Image,
-    /// The relative error that the rank of the model leaves, estimated from the model's own photos
-    /// ([`LowRank::error_of_rank`](super::LowRank::error_of_rank)). It does not include their noise.
+    /// The relative error due to the limited rank of the model, estimated from the model's own photos
+    /// ([`LowRank::error_of_rank`](super::LowRank::error_of_rank)). It does not include the noise of the photos.
     pub stated: Ratio,
     /// The true photo, if the scene is simulated.
     pub truth: Option<Image>,
-    /// `‖relit − true‖ / ‖true‖` of the projector's light for each number of photos from 1. The noise that the operator of the true photo
-    /// states is subtracted. Empty without the true photo.
+    /// The relative error `‖relit − true‖ / ‖true‖` of the projector's light for each number of photos from 1. The noise that the operator
+    /// states for the true photo is subtracted. Empty if there is no true photo.
     pub errors: Vec<f64>,
     /// The difference between `relit` and `truth`, both without ambient light.
     pub comparison: Option<Squares>,
@@ -42,7 +42,7 @@ pub struct Dual {
     pub name: String,
     /// The photograph `Aᵀ y`.
     pub image: Image,
-    /// Its relative error, if the scene is simulated.
+    /// The relative error of the dual photograph, if the scene is simulated.
     pub error: Option<f64>,
 }
 
@@ -53,23 +53,23 @@ pub struct Reduced {
     pub name: String,
     /// The photo, without ambient light.
     pub photo: Image,
-    /// The direct image `D A⁻¹ y` by the model.
+    /// The direct image `D A⁻¹ y`, computed with the model.
     pub direct: Image,
-    /// The direct image by the true matrix, if the scene is simulated.
+    /// The direct image computed with the true matrix, if the scene is simulated.
     pub truth: Option<Image>,
     /// The relative error `‖direct − true‖ / ‖true‖`.
     pub error: Option<f64>,
-    /// The share of the photo that the model leaves unexplained.
+    /// The share of the photo that the model does not explain.
     pub residual: f64,
 }
 
-/// The pattern's plane for a channel; a gray pattern has one plane for all channels.
+/// The plane of a pattern for a channel. A gray pattern has one plane for all channels.
 fn plane(pattern: &Image, channel: usize) -> Vec<f64> {
     pattern.plane(channel.min(pattern.channels() - 1))
 }
 
 impl SavedModel {
-    /// Relights a pattern by the model. `full`, if known, holds the true operators of all light, one per channel.
+    /// Relights a pattern with the model. `full`, if known, holds the true operators of all light, one per channel.
     pub fn relight<O: Adjoint>(&self, name: &str, pattern: Image, full: Option<&mut [O]>) -> Result<Relit> {
         let by_rank = |rank: usize| -> Planes {
             let each = self.channels.iter().enumerate();
@@ -102,7 +102,7 @@ impl SavedModel {
         })
     }
 
-    /// The photo of the dual rig under a pattern of camera pixels; `full` as for [`SavedModel::relight`].
+    /// The photo of the dual rig under a pattern of camera pixels. `full` has the same meaning as in [`SavedModel::relight`].
     pub fn dual<O: Adjoint>(&self, name: String, pattern: &Image, full: Option<&mut [O]>) -> Result<Dual> {
         let each = self.channels.iter().enumerate();
         let found: Planes = each.map(|(channel, of)| of.dual(&plane(pattern, channel))).collect();
@@ -121,8 +121,8 @@ impl SavedModel {
     }
 
     /// Removes the interreflections from `photo`, which has no ambient light. `global`, if known, holds the true operators of the light of
-    /// two and more bounces, one per channel. Fails with [`Error::Option`] naming `--inverse` if a channel's direct light is not a
-    /// diagonal, or as [`cancel_interreflections`] does.
+    /// two or more bounces, one per channel. Fails with [`Error::Option`] naming `--inverse` if a channel's direct light is not a diagonal,
+    /// or as [`cancel_interreflections`] does.
     pub fn reduce<O: Adjoint>(
         &self,
         name: String,
@@ -159,12 +159,12 @@ impl SavedModel {
     }
 }
 
-/// The difference between an answer and the truth. The errors of the truth have the expected sum of squares `noise`.
+/// The difference between a computed photo and the true photo. The errors of the true photo have the expected sum of squares `noise`.
 fn squares(found: &Planes, truth: &Planes, noise: f64) -> Squares {
     Squares::new(found.iter().flatten(), truth.iter().flatten(), noise)
 }
 
-/// The relative error of an answer, without the noise of the truth. For a dark photo, the error is zero or infinite.
+/// The relative error of a computed photo, without the noise of the true photo. For a dark photo, the error is zero or infinite.
 fn error(squares: Squares) -> f64 {
     match squares.relative() {
         Some([error, _]) => error,
@@ -182,31 +182,31 @@ fn products<O: Adjoint>(
     Ok(Some(each.map(|(channel, operator)| product(operator, channel)).collect::<Result<Planes>>()?))
 }
 
-/// A captured model of every channel, with everything that relighting needs.
+/// The captured models of all channels, with all data that relighting needs.
 #[derive(Clone, Debug)]
 pub struct SavedModel {
     /// The model of each channel.
     pub channels: Vec<LowRank>,
-    /// The photo without projector.
+    /// The photo without the projector's light.
     pub ambient: Image,
     /// The resolution of photos.
     pub resolution: Resolution,
-    /// The resolution of patterns. They have the same total number of pixels as photos.
+    /// The resolution of patterns. Patterns have the same total number of pixels as photos.
     pub projector: Resolution,
-    /// The unit of photos' values.
+    /// The unit of the photos' values.
     pub unit: String,
     /// The name of the captured source.
     pub source: String,
 }
 
 impl SavedModel {
-    /// The number of photos of the capture: the largest rank of the channels. A colour photo counts once.
+    /// The number of photos of the capture, which is the largest rank of the channels. A colour photo counts once.
     pub fn rank(&self) -> usize {
         self.channels.iter().map(LowRank::rank).max().unwrap_or(0)
     }
 
-    /// Writes the model to the run's folder ([`ModelArrays::write`]) and returns the files' names relative to it.
-    /// Fails with [`crate::Error::Write`].
+    /// Writes the model to the run's folder ([`ModelArrays::write`]), and returns the names of the files, relative to the folder. Fails
+    /// with [`crate::Error::Write`].
     pub fn write(&self, run: &Path) -> Result<Vec<String>> {
         let channels = self.channels.iter().map(|model| ChannelArrays {
             patterns: model.basis().to_vec(),

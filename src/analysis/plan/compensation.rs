@@ -1,4 +1,4 @@
-//! Planning a compensation on the twin.
+//! Planning a compensation on the twin of a rig.
 
 use super::twin::{TwinOperator, range_of, shown};
 use super::{Cost, Planner};
@@ -10,55 +10,58 @@ use crate::krylov::Method;
 use crate::operator::{Observed, product};
 use crate::transport::Part;
 
-/// Photos for the optimum, which are free on the twin.
+/// The number of photos for the optimum. On the twin, they cost nothing.
 const OPTIMUM_PHOTOS: usize = 500;
 
-/// The optimum that trials are compared with. Residuals belong to noise-free photos of the displayed pattern, relative to the target light.
+/// The optimum with which trials are compared. Residuals are computed from noise-free photos of the displayed pattern, relative to the
+/// target light.
 pub struct CompensationPlan {
     target: Image,
     ambient: Image,
-    /// The radiance that 1 in the target stands for, in the twin's units.
+    /// The radiance of a target value of 1, in the twin's units.
     peak: f64,
     /// The residual of the best pattern inside the box, without quantization.
     pub optimum: f64,
-    /// The residual of the target itself as a pattern.
+    /// The residual if the target itself is the pattern.
     pub uncompensated: f64,
 }
 
 /// The result of a compensation on the twin.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct CompensationTrial {
-    /// Its cost.
+    /// The cost of the compensation.
     pub cost: Cost,
-    /// The residual of its pattern.
+    /// The residual of the computed pattern.
     pub residual: f64,
-    /// The residual divided by the optimum's, minus 1.
+    /// The residual divided by the residual of the optimum, minus 1.
     pub excess: f64,
 }
 
-/// All methods on the twin, with the noise of one seed.
+/// The results of all methods on the twin, with the noise of one seed.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct MethodsTrial {
-    /// The cost of all of them together.
+    /// The total cost of all methods.
     pub cost: Cost,
-    /// The number of frames at which all are compared: the frames of the method that took fewest.
+    /// The number of frames at which all methods are compared: the frames of the method that took the fewest frames.
     pub frames: u64,
-    /// Each method.
+    /// The result of each method.
     pub methods: Vec<MethodTrial>,
 }
 
-/// One method of a [`MethodsTrial`]. Residuals belong to the rig's photos of its answers, clipped to the projector's range.
+/// The result of one method of a [`MethodsTrial`]. Residuals are computed from the rig's photos of the method's patterns, clipped to the
+/// projector's range.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct MethodTrial {
-    /// Its name on the command line.
+    /// The method's name on the command line.
     pub name: &'static str,
-    /// Its photos.
+    /// The number of photos that the method took.
     pub photos: usize,
-    /// The frames of these photos: signs, bit planes, exposures, takes and sentinels, but not black and white, which all methods share.
+    /// The frames of these photos: signs, bit planes, exposures, takes and sentinels. The frames of black and white are not included,
+    /// because all methods share them.
     pub frames: u64,
     /// The residual after all photos.
     pub residual: f64,
-    /// The least residual among photos within the common number of frames; infinite if there is no such photo.
+    /// The smallest residual among the photos within the common number of frames; infinite if there is no such photo.
     pub at_equal_frames: f64,
 }
 
@@ -76,7 +79,7 @@ impl MethodTrial {
 }
 
 impl Planner<'_> {
-    /// The best pattern with ideal devices. The peak is half the median of the white photo, the default. Fails as [`compensate`] does.
+    /// Finds the best pattern with ideal devices, at the default peak (half the median of the white photo). Fails as [`compensate`] does.
     pub fn ideal_compensation(
         &self,
         target: &Image,
@@ -105,8 +108,8 @@ impl Planner<'_> {
         })
     }
 
-    /// Compensates on the twin with the noise of `seed`. `ideal` is from [`Planner::ideal_compensation`]. Fails as [`compensate`] or
-    /// the rig does.
+    /// Compensates on the twin with the noise of `seed`. `ideal` is the result of [`Planner::ideal_compensation`]. Fails as [`compensate`]
+    /// or the rig does.
     pub fn compensation(
         &self,
         ideal: &CompensationPlan,
@@ -127,8 +130,8 @@ impl Planner<'_> {
         })
     }
 
-    /// Compensates on the twin by every method with the photos of `options` and the noise of `seed`. Fails as [`compare_methods`] or
-    /// the rig does.
+    /// Compensates on the twin by every method, with the number of photos of `options` and the noise of `seed`. Fails as
+    /// [`compare_methods`] or the rig does.
     pub fn methods(
         &self,
         ideal: &CompensationPlan,
@@ -161,7 +164,7 @@ impl Planner<'_> {
         Ok((error / wanted.iter().map(|b| b * b).sum::<f64>()).sqrt())
     }
 
-    /// The twin in units of the light that a pattern of 1 adds to a pattern of 0.
+    /// The operator of the twin, in units of the light that a pattern of 1 adds to a pattern of 0.
     fn in_range(&self) -> Result<TwinOperator<'_>> {
         let mut operator = self.twin.operator(Part::Full, 0)?;
         operator.range = range_of(self.rig);

@@ -1,7 +1,8 @@
-//! Planning predicts the cost and the accuracy of an analysis on a rig with the rig's virtual twin.
+//! Planning uses the virtual twin of a rig to predict the cost and the accuracy of an analysis on the rig.
 //!
-//! The twin is a [`VirtualRig`] with all imperfections in its file, in front of exactly known light transport. The whole measurement runs
-//! on it with the noise of several seeds. Each result is compared with that of ideal devices. Patterns, frames and seconds are the twin's.
+//! The twin is a [`VirtualRig`] with all imperfections in its file, in front of exactly known light transport. The entire measurement runs
+//! on the twin with the noise of several seeds. Each result is compared with the result of ideal devices. The numbers of patterns, frames
+//! and seconds are also those of the twin.
 
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, Segmentation, adjusted_rand_index};
@@ -24,26 +25,26 @@ pub use twin::Twin;
 pub struct Planner<'a> {
     /// The virtual devices.
     pub rig: &'a VirtualRig,
-    /// The light transport in front of them.
+    /// The light transport in front of the devices.
     pub twin: &'a Twin,
     /// The calibration of the devices.
     pub calibration: &'a Calibration,
     /// The options of the measurement.
     pub measurement: &'a MeasureOptions,
-    /// An observer of the trials, which may stop them.
+    /// The observer of the trials. It may stop them.
     pub observer: &'a dyn Observer,
 }
 
 /// The cost of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Cost {
-    /// Photos taken by the method: products with the matrix.
+    /// The number of photos taken by the method, which are products with the matrix.
     pub photos: u64,
-    /// Distinct patterns shown, including black and white.
+    /// The number of distinct patterns shown, including black and white.
     pub patterns: u64,
-    /// Frames taken.
+    /// The number of frames taken.
     pub frames: u64,
-    /// Seconds on the rig's clock.
+    /// The duration in seconds on the rig's clock.
     pub seconds: f64,
 }
 
@@ -72,23 +73,24 @@ impl Cost {
     }
 }
 
-/// The eigenvalues on the twin and their errors.
+/// The errors of the eigenvalues on the twin.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct EigenvaluesTrial {
-    /// Their cost.
+    /// The cost of the eigenvalues.
     pub cost: Cost,
-    /// The difference of each eigenvalue from the ideal devices' one, relative to the largest. The norms of the white photos
-    /// convert the units.
+    /// The difference of each eigenvalue from the eigenvalue with ideal devices, relative to the largest eigenvalue. The norms of the white
+    /// photos convert the units.
     pub errors: Vec<f64>,
 }
 
 impl Planner<'_> {
-    /// The eigenpairs with ideal devices, by the same method with the same number of photos. Fails as [`eigs`] does.
+    /// Finds the eigenpairs with ideal devices, by the same method with the same number of photos. Fails as [`eigs`] does.
     pub fn ideal_eigenpairs(&self, part: Part, options: &EigsOptions) -> Result<Eigs> {
         eigs(&mut self.twin.operator(part, 0)?, options)
     }
 
-    /// The eigenpairs with the noise of `seed`. `ideal` is from [`Planner::ideal_eigenpairs`]. Fails as [`eigs`] or the rig does.
+    /// Finds the eigenpairs with the noise of `seed`. `ideal` is the result of [`Planner::ideal_eigenpairs`]. Fails as [`eigs`] or the rig
+    /// does.
     pub fn eigenvalues(
         &self,
         part: Part,
@@ -115,25 +117,25 @@ impl Planner<'_> {
     }
 }
 
-/// The result of a segmentation on the twin. Scores are adjusted Rand indices for each number of groups.
+/// The result of a segmentation on the twin. Scores are adjusted Rand indices, one for each number of groups.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct SegmentationTrial {
-    /// Its cost.
+    /// The cost of the segmentation.
     pub cost: Cost,
-    /// The scores against the groups that the same method finds with ideal devices.
+    /// The scores relative to the groups that the same method finds with ideal devices.
     pub agreement: Vec<(usize, f64)>,
-    /// The scores against the true labels; empty if they are unknown.
+    /// The scores relative to the true labels; empty if the true labels are unknown.
     pub truth: Vec<(usize, f64)>,
 }
 
 impl Planner<'_> {
-    /// The groups with ideal devices, by the same method with the same number of photos. Fails as [`segment`] does.
+    /// Finds the groups with ideal devices, by the same method with the same number of photos. Fails as [`segment`] does.
     pub fn ideal_segmentation(&self, part: Part, options: &SegmentOptions) -> Result<Segmentation> {
         segment(&mut self.twin.operator(part, 0)?, options)
     }
 
-    /// Segments with the noise of `seed`. `ideal` is from [`Planner::ideal_segmentation`]; `labels` are true. Fails as
-    /// [`segment`] or the rig does.
+    /// Segments with the noise of `seed`. `ideal` is the result of [`Planner::ideal_segmentation`], and `labels` are the true labels, if
+    /// known. Fails as [`segment`] or the rig does.
     pub fn segmentation(
         &self,
         part: Part,

@@ -9,7 +9,7 @@ use crate::rig::{VirtualProjector, VirtualRig};
 use crate::sparse::SparseOperator;
 use crate::transport::{Assembled, ExplicitMatrix, Part, Transport};
 
-/// Light transport that any number of rigs can use, one after the other.
+/// Light transport for virtual rigs. Any number of rigs can use it, one after the other.
 #[derive(Clone, Debug)]
 pub enum Twin {
     /// A traced scene.
@@ -19,7 +19,7 @@ pub enum Twin {
 }
 
 impl Twin {
-    /// The transport that a rig is opened on.
+    /// The transport in front of which a rig is opened.
     pub fn transport(&self) -> Box<dyn Transport + Send> {
         match self {
             Self::Traced(traced) => Box::new(Arc::clone(traced)),
@@ -37,15 +37,15 @@ impl Twin {
             }
             Self::Explicit(given) => {
                 let matrix = ExplicitMatrix::part_of(given.matrix(), part)?;
-                // Rigs are coaxial. An explicit matrix may be symmetric only up to its own precision.
+                // Rigs are coaxial, so the matrix is symmetric. An explicit matrix may be symmetric only up to its own precision.
                 (Box::new(SparseOperator::new(matrix)), Symmetry::Symmetric)
             }
         };
         Ok(TwinOperator { inner, symmetry, range: 1.0 })
     }
 
-    /// The light without a pattern: the scene's own light, the rig's ambient light, and the projector's black level. The
-    /// unit is the unit of [`Twin::operator`] times [`range_of`]. A well-formed matrix gives no error.
+    /// The light without a pattern: the scene's own light, the rig's ambient light, and the light of the projector's black level. Its unit
+    /// is the unit of [`Twin::operator`] times [`range_of`]. A well-formed matrix gives no error.
     pub(super) fn ambient(&self, rig: &VirtualRig, channel: usize) -> Result<Vec<f64>> {
         let mut operator = self.operator(Part::Full, channel)?;
         let ones = vec![1.0; operator.cols()];
@@ -60,12 +60,12 @@ impl Twin {
     }
 }
 
-/// The light of a pattern of 1, in units of the projector's white: its white level minus its black level.
+/// The light of a pattern of 1, in units of the projector's white. It is the white level minus the black level.
 pub(super) fn range_of(rig: &VirtualRig) -> f64 {
     1.0 - rig.projector.black_level
 }
 
-/// A pattern in `[0, 1]` as the projector shows it: each pixel has the level nearest in light.
+/// A pattern in `[0, 1]` as the projector shows it: each pixel has the projector level whose light is nearest to the pattern.
 pub(super) fn shown(projector: &VirtualProjector, pattern: &Image) -> Vec<f64> {
     let response = projector.response();
     let top = (1_u32 << projector.bits) - 1;
@@ -83,7 +83,7 @@ pub(super) fn shown(projector: &VirtualProjector, pattern: &Image) -> Vec<f64> {
 pub struct TwinOperator<'a> {
     inner: Box<dyn Adjoint + 'a>,
     symmetry: Symmetry,
-    /// The factor of all products.
+    /// The factor that multiplies all products.
     pub(super) range: f64,
 }
 

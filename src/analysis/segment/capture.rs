@@ -1,4 +1,4 @@
-//! The photos of a segmentation, taken once for any number of groups. A capture can be resumed after an error.
+//! The photos of a segmentation. They are taken once for any number of groups. A capture can be resumed after an error.
 
 use super::confirm::{Unseen, unseen};
 use super::cut_matrix::CutMatrix;
@@ -16,8 +16,8 @@ use crate::operator::{Operator, Relayed, Symmetry, product};
 
 /// The photos of a segmentation and the Krylov process built from them.
 ///
-/// The first photo shows the scene under white (the degree `D = G 1`). The second shows it under the mask if masked pixels have
-/// light (see [`Graph::measure`]). All others are Lanczos steps. If the operator fails, [`Capture::run`] returns its error and
+/// The first photo shows the scene under white (the degree `D = G 1`). If masked pixels have light, the second photo shows the scene under
+/// the mask (see [`Graph::measure`]). All further photos are Lanczos steps. If the operator fails, [`Capture::run`] returns its error and
 /// keeps all photos. Call it again to continue, or call [`Capture::segmentation`] for the result so far.
 #[derive(Clone, Debug)]
 pub struct Capture {
@@ -32,7 +32,7 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// A capture without photos. Fails with [`Error::Option`] naming the option (see [`SegmentOptions`] for the ranges).
+    /// Makes a capture without photos. Fails with [`Error::Option`] naming the option (see [`SegmentOptions`] for the ranges).
     pub fn new(options: SegmentOptions) -> Result<Self> {
         options.check()?;
         Ok(Self {
@@ -52,19 +52,19 @@ impl Capture {
         &self.options
     }
 
-    /// Photos taken so far.
+    /// The number of photos taken so far.
     pub fn photos(&self) -> usize {
         self.photos_of_degree + self.lanczos.as_ref().map_or(0, Factorization::products) + self.unseen.photos
     }
 
-    /// Takes photos until the eigenvectors are within the tolerance, the budget is spent, or the observer of `global` stops it.
-    /// `global` is the symmetric transport matrix (`n × n`) without its direct part. The observer's steps count all photos,
-    /// including those of the degree. Its eigenvalues exclude the known one.
+    /// Takes photos until the eigenvectors are within the tolerance, the budget is spent, or the observer of `global` stops the capture.
+    /// `global` is the symmetric transport matrix (`n × n`) without its direct part. The observer's steps count all photos, including the
+    /// photos of the degree. The observer's eigenvalues exclude the known eigenvalue.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if `global` is not declared symmetric, sees no light, or yields NaN; [`Error::Option`] naming
-    /// `--groups` if fewer pixels than groups have light; [`Error::Dimension`] if `global` is not square or differs in size from
-    /// earlier photos; any error of `global`.
+    /// [`Error::Numerical`] if `global` is not declared symmetric, sees no light, or yields NaN; [`Error::Option`] naming `--groups` if
+    /// fewer pixels have light than there are groups; [`Error::Dimension`] if `global` is not square or differs in size from earlier
+    /// photos; any error of `global`.
     pub fn run(&mut self, global: &mut dyn Operator) -> Result<()> {
         self.take_photos(global)?;
         if self.status != Some(Status::Stopped)
@@ -91,7 +91,7 @@ impl Capture {
         loop {
             let block = self.lanczos.as_ref().map_or(0, Factorization::block);
             let photos = self.options.photos - self.photos_of_degree;
-            // The number of starts is judged after as many rounds as the default gives each start. Others never join a single start.
+            // After as many rounds as the default gives each start, the capture may add starts. Further starts never join a single start.
             let stage = if block == 1 { photos } else { photos.min(ROUNDS * block) };
             let status = self.take(global, stage)?.stats.status;
             let (Some(graph), Some(lanczos)) = (&self.graph, &mut self.lanczos) else { return Ok(()) };
@@ -112,7 +112,7 @@ impl Capture {
         Ok(())
     }
 
-    /// Takes photos until the Krylov process has `most`, or needs no more.
+    /// Takes photos until the Krylov process has `most` products, or needs no more.
     fn take(&mut self, global: &mut dyn Operator, most: usize) -> Result<Eigs> {
         let (Some(graph), Some(lanczos)) = (&self.graph, &mut self.lanczos) else {
             return Err(too_early());
@@ -128,7 +128,7 @@ impl Capture {
         let budget = self.options.photos;
         let sign = self.options.cut.sign();
         let history = &mut self.history;
-        // The history is stored here rather than in the eigensolver, so that it survives an error.
+        // The history is stored here and not in the eigensolver, so that it survives an error.
         let relay = |observer: &dyn Observer, step: &Step<'_>| {
             let Estimate::Eigenpairs { values, residuals } = step.estimate else {
                 return observer.step(step);
@@ -151,8 +151,8 @@ impl Capture {
         eigs_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)
     }
 
-    /// The segmentation from the photos taken so far, without further photos or any change of the capture. An observer may stop a
-    /// capture that continues later. At each stop, the result equals that of a capture with that many photos. Fails with
+    /// The segmentation from the photos taken so far. The call takes no photo and does not change the capture. An observer may stop a
+    /// capture that continues later. At each stop, the result equals the result of a capture with that number of photos. Fails with
     /// [`Error::Numerical`] if there is no eigenvector yet (fewer than three photos, or a scene of one pixel).
     pub fn segmentation(&self) -> Result<Segmentation> {
         self.answer(&self.options)
@@ -177,12 +177,12 @@ impl Capture {
         Segmentation::of(self, options, graph, lanczos)
     }
 
-    /// One row per Lanczos photo.
+    /// The history of the eigenvalues, one row per Lanczos photo.
     pub fn history(&self) -> &[HistoryRow] {
         &self.history
     }
 
-    /// Why the capture ended; `None` before [`Capture::run`] has finished.
+    /// The reason why the capture ended; `None` before [`Capture::run`] has finished.
     pub fn status(&self) -> Option<Status> {
         self.status
     }
@@ -239,11 +239,11 @@ fn too_early() -> Error {
     Error::Numerical("the capture ended before a first eigenvector could be computed".into())
 }
 
-/// The photos for each starting pattern before it is decided whether there were enough patterns.
+/// The number of photos per starting pattern after which the capture decides whether there are enough starting patterns.
 const ROUNDS: usize = 4;
 
-/// Whether the number of eigenvalues that may belong to regions reaches the number of starting patterns. Further regions may then
-/// have been missed. The average cut has no scale for this decision.
+/// Returns true if as many eigenvalues may belong to regions as there are starting patterns. Further regions may then have been missed. The
+/// average cut has no scale for this decision, so the result is then false.
 fn is_saturated(lanczos: &Factorization, cut: Cut) -> Result<bool> {
     let pairs = lanczos.ritz(Which::LargestAlgebraic, lanczos.block())?;
     Ok(cut == Cut::Normalized && pairs.iter().all(|pair| pair.value >= KEPT))
@@ -253,9 +253,9 @@ fn known_pixels(options: &SegmentOptions, graph: &Graph) -> Option<Resolution> {
     options.resolution.filter(|resolution| resolution.pixels() == graph.n())
 }
 
-/// The next starting patterns, after `before` others. They are random, because ones would give the scene's symmetry to the whole
-/// Krylov space. Where the pixels are known, they are smooth and multiplied by the known vector: an eigenvector of regions is the
-/// known vector times a constant on each region.
+/// The next starting patterns, after `before` earlier patterns. They are random, because patterns of ones would give the scene's symmetry
+/// to the whole Krylov space. If the pixels are known, the patterns are smooth and multiplied by the known vector, because an eigenvector
+/// of regions is the known vector times a constant on each region.
 fn starts(options: &SegmentOptions, graph: &Graph, before: usize) -> Vec<Vec<f64>> {
     let (m, count) = (graph.pixels().len(), options.start_count());
     let known = options.cut.known_vector(graph);

@@ -12,16 +12,16 @@ use crate::operator::Operator;
 /// Knowledge about regions that a capture may have missed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Unseen {
-    /// The eigenvalue of the normalized cut above which none is missing.
+    /// The completeness of the eigenvalues of the normalized cut: above its limit, no eigenvalue is missing.
     pub completeness: Completeness,
-    /// An eigenvalue of a region that the confirmation found, but not the capture.
+    /// The eigenvalue of a region that the confirmation found and the capture missed.
     pub missed: Option<f64>,
-    /// The photos of the confirmation; 0 where products are free.
+    /// The number of photos of the confirmation; 0 if products are free.
     pub photos: usize,
 }
 
-/// Looks for a further eigenvalue of the normalized cut, on the complement of the found ones, that may belong to
-/// regions ([`largest_beside`]). It runs where products are free, or where the options ask for it.
+/// Searches for a further eigenvalue of the normalized cut that may belong to a region, on the complement of the eigenvectors found
+/// ([`largest_beside`]). The search runs only if products are free, or if the options request it.
 pub(super) fn unseen(
     global: &mut dyn Operator,
     graph: &Graph,
@@ -41,7 +41,7 @@ pub(super) fn unseen(
     Ok(if is_free { Unseen { photos: 0, ..found } } else { found })
 }
 
-/// The most localized eigenvectors that are set aside.
+/// The largest number of localized eigenvectors that are set aside.
 const MOST_LOCAL: u64 = 12;
 
 fn beside(
@@ -63,7 +63,8 @@ fn beside(
         let is_region = found.value >= KEPT;
         let scaled = found.vector.iter().zip(graph.degree()).map(|(entry, degree)| entry / degree.sqrt());
         if is_region && Embedding::would_be_local(&scaled.collect::<Vec<f64>>(), graph.degree()) {
-            // A few pixels that exchange light among themselves are not a region. The search continues beside them.
+            // A few pixels that exchange light among themselves are not a region. The search continues on the complement of this
+            // eigenvector.
             known.push(found.vector);
             continue;
         }

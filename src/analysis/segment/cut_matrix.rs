@@ -1,4 +1,4 @@
-//! The matrix of a cut on the graph of light exchange. Its largest eigenvectors are the smallest of the cut.
+//! The matrix of a cut on the graph of light exchange. Its largest eigenvalues belong to the smallest eigenvalues of the cut.
 
 use super::graph::Graph;
 use super::options::Cut;
@@ -7,22 +7,22 @@ use crate::operator::{Operator, between, delegate};
 
 /// The matrix (`m × m`) of a cut on the nodes of a [`Graph`], with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`.
 ///
-/// * [`Cut::Normalized`]: the normalized adjacency `N = D^-½ W D^-½`. Its largest eigenvectors `v` give the smallest ones of the normalized
-///   cut without an inverse: `(D − W) u = (1 − λ) D u` with `u = D^-½ v`. The pair `λ = 1`, `v = D^½ 1` is known (Shi and Malik,
-///   doi:10.1109/34.868688). A product is a photo of `D^-½ x`.
-/// * [`Cut::Average`]: the negative Laplacian `W − D`. Its largest eigenvalues are the negated smallest eigenvalues of the average cut,
-///   `(D − W) x = λ x`. They lie at the edge of the spectrum, where Lanczos finds them without a shift (adding `σ I` would change no Krylov
+/// * [`Cut::Normalized`]: the normalized adjacency `N = D^-½ W D^-½`. Its eigenvectors `v` of largest eigenvalue `λ` give the eigenvectors
+///   `u = D^-½ v` of the normalized cut with the smallest eigenvalues, without an inverse: `(D − W) u = (1 − λ) D u`. The pair `λ = 1`, `v
+///   = D^½ 1` is known (Shi and Malik, doi:10.1109/34.868688). A product is a photo of `D^-½ x`.
+/// * [`Cut::Average`]: the negative Laplacian `W − D`. Its largest eigenvalues are the negated smallest eigenvalues of the average cut, `(D
+///   − W) x = λ x`. They lie at the edge of the spectrum, where Lanczos finds them without a shift (adding `σ I` would change no Krylov
 ///   subspace). The pair `λ = 0`, `x = 1` is known. A product is a photo of `x`.
 pub struct CutMatrix<'a> {
     global: &'a mut dyn Operator,
     graph: &'a Graph,
     cut: Cut,
-    /// The factor of each node before and after a product: `D^-½`, or 1 for the average cut.
+    /// The factor that multiplies each node before and after a product: `D^-½`, or 1 for the average cut.
     scaling: Vec<f64>,
 }
 
 impl<'a> CutMatrix<'a> {
-    /// The matrix of a global operator (`n × n`, symmetric) and its graph.
+    /// Makes the matrix from a global operator (`n × n`, symmetric) and its graph.
     pub fn new(global: &'a mut dyn Operator, graph: &'a Graph, cut: Cut) -> Self {
         let scaling = match cut {
             Cut::Normalized => graph.degree().iter().map(|d| 1.0 / d.sqrt()).collect(),
@@ -33,7 +33,7 @@ impl<'a> CutMatrix<'a> {
 }
 
 impl Cut {
-    /// The factor that turns the eigenvalues that Lanczos finds (the largest) into those of the cut.
+    /// The sign that converts the largest eigenvalues, which Lanczos finds, to the eigenvalues reported for the cut.
     pub(super) fn sign(self) -> f64 {
         match self {
             Self::Normalized => 1.0,
@@ -41,7 +41,8 @@ impl Cut {
         }
     }
 
-    /// The known eigenvector, not normalized: `D^½ 1` of eigenvalue 1, or 1 of eigenvalue 0 (`m`).
+    /// The known eigenvector (`m`), not normalized: `D^½ 1` with the eigenvalue 1 for the normalized cut, or 1 with the eigenvalue 0 for
+    /// the average cut.
     pub fn known_vector(self, graph: &Graph) -> Vec<f64> {
         match self {
             Self::Normalized => graph.degree().iter().map(|d| d.sqrt()).collect(),
@@ -49,8 +50,8 @@ impl Cut {
         }
     }
 
-    /// A bound on the residual of the normalized known vector `q`, without a photo. With `e = D 1 − W 1 ≥ 0`, `e ≤ D 1` and `Σ e ≤ leak`:
-    /// `‖N q − q‖² = Σ e_i²/d_i / Σ d ≤ leak / Σ d`, and `‖(W − D) q‖ ≤ leak / √m`.
+    /// A bound on the residual of the normalized known vector `q`, without a photo. Let `e = D 1 − W 1 ≥ 0`, with `e ≤ D 1` and
+    /// `Σ e ≤ leak`. Then `‖N q − q‖² = Σ e_i²/d_i / Σ d ≤ leak / Σ d`, and `‖(W − D) q‖ ≤ leak / √m`.
     pub fn known_residual(self, graph: &Graph) -> f64 {
         match self {
             Self::Normalized => (graph.leak() / graph.degree().iter().sum::<f64>()).sqrt(),
@@ -84,7 +85,7 @@ impl Operator for CutMatrix<'_> {
         between(*global, (xs, ys), before, after)
     }
 
-    /// The standard errors of the photos, scaled as if their noise were the same in all pixels.
+    /// The standard errors of the photos, scaled like the products. The scaling assumes that all pixels have the same noise.
     fn standard_errors(&self) -> Vec<f64> {
         let squares: f64 = self.scaling.iter().map(|scale| scale * scale).sum();
         let scale = (squares / self.scaling.len() as f64).sqrt();

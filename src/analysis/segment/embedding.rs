@@ -1,16 +1,16 @@
-//! The coordinates of pixels in the space of eigenvectors: the points that k-means groups.
+//! The coordinates of pixels in the space of eigenvectors. K-means groups the pixels by these coordinates.
 //!
-//! A pixel's coordinates are its entries in the eigenvectors `u` (`uᵀ W u = 1`, where `W` holds the pixels' weights), each divided by `√(1
-//! − λ)`. Distances between pixels are then commute times: the time that light takes from one pixel to the other and back (Qiu and Hancock,
-//! 2007, doi:10.1109/TPAMI.2007.1103).
+//! A pixel's coordinates are its entries in the eigenvectors `u` (`uᵀ W u = 1`, where `W` holds the pixels' weights), each divided by
+//! `√(1 − λ)`. Distances between pixels are then commute times: the time that light takes from one pixel to another and back (Qiu and
+//! Hancock, 2007, doi:10.1109/TPAMI.2007.1103).
 //!
 //! Some small sets of pixels exchange light almost only among themselves: flat spots that see a sliver, or noise of a rare light path. The
 //! normalized cut treats each set as a region. The set has an eigenvalue near 1 and a localized eigenvector. The entries of this
-//! eigenvector are so large, `1/√d`, that it weighs as much in k-means as any other (Zhang and Rohe, *Understanding regularized spectral
-//! clustering via graph conductance*, 2018, arXiv:1806.01468). The entries of each eigenvector are therefore clamped to their range without
-//! the [`LEAST_SHARE`] of all light at either end. Smaller sets lose their influence; nothing else changes. The cited remedy, an edge `μ`
-//! between all pixels, would move all eigenvalues. It would not suffice to leave out localized eigenvectors: for equal eigenvalues, Lanczos
-//! finds one mixture of the small set and all regions.
+//! eigenvector are so large, `1/√d`, that it weighs as much in k-means as any other eigenvector (Zhang and Rohe, *Understanding regularized
+//! spectral clustering via graph conductance*, 2018, arXiv:1806.01468). The entries of each eigenvector are therefore clamped to a range.
+//! The range leaves out the pixels at either end that have [`LEAST_SHARE`] of all light. Smaller sets lose their influence; nothing else
+//! changes. The remedy of Zhang and Rohe, an edge `μ` between all pixels, would move all eigenvalues. It would not suffice to leave out
+//! localized eigenvectors: for equal eigenvalues, Lanczos finds one mixture of the small set and all regions.
 
 use super::graph::Graph;
 use super::options::Cut;
@@ -19,27 +19,28 @@ use crate::krylov::RitzPair;
 /// A set of pixels with a smaller share of all light is not a group.
 pub(super) const LEAST_SHARE: f64 = 1.0 / 500.0;
 
-/// An eigenvector with less than this share of its squared norm left after clamping is localized.
+/// If clamping leaves less than this share of the squared norm of an eigenvector, the eigenvector is localized.
 const LOCAL: f64 = 0.1;
 
-/// Eigenvalues closer to 1 than this count as this close, so that no eigenvector outweighs another by more than `1/√FLOOR`.
+/// Eigenvalues whose distance from 1 is smaller than this value count as this distant, so that no eigenvector outweighs another by more
+/// than `1/√FLOOR`.
 const FLOOR: f64 = 1e-3;
 
 /// The map from eigenvectors to coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Embedding {
-    /// The factor of each eigenvector (`k`): `1/√(1 − λ)`, and 0 for the known one, which is constant.
+    /// The factor of each eigenvector (`k`): `1/√(1 − λ)`, or 0 for the known eigenvector, which is constant.
     pub weights: Vec<f64>,
-    /// The range to which the entries of each eigenvector are clamped (`k`). A five-hundredth of the light lies beyond each end.
+    /// The range to which the entries of each eigenvector are clamped (`k`). The pixels beyond each end have a five-hundredth of the light.
     pub ranges: Vec<(f64, f64)>,
-    /// The share of each eigenvector's squared norm left after clamping (`k`): nearly 1 for regions, nearly 0 if it is localized.
+    /// The share of each eigenvector's squared norm that clamping leaves (`k`): nearly 1 for regions, nearly 0 for a localized eigenvector.
     pub within: Vec<f64>,
-    /// The distance of each eigenvalue from the known one (`k`): `1 − λ`; for the average cut, `λ` relative to the mean degree.
+    /// The distance of each eigenvalue from the known eigenvalue (`k`): `1 − λ`, or for the average cut, `λ` relative to the mean degree.
     pub(super) gaps: Vec<f64>,
 }
 
 impl Embedding {
-    /// The embedding by `vectors` on `m` nodes with `weights`. The first vector is known; `pairs` belong to the others.
+    /// Makes the embedding from `vectors` on `m` nodes with `weights`. The first vector is known; `pairs` belong to the other vectors.
     pub(super) fn new(
         cut: Cut,
         graph: &Graph,
@@ -47,7 +48,7 @@ impl Embedding {
         vectors: &[Vec<f64>],
         weights: &[f64],
     ) -> Self {
-        // The average cut has eigenvalues and residuals in units of degree.
+        // The eigenvalues and residuals of the average cut are in units of degree.
         let unit = match cut {
             Cut::Normalized => 1.0,
             Cut::Average => mean(graph.degree()),
@@ -71,7 +72,7 @@ impl Embedding {
         }
     }
 
-    /// Whether another vector (`m`, `uᵀ W u = 1`) with these weights is localized; see [`Embedding::is_local`].
+    /// Returns true if another vector (`m`, `uᵀ W u = 1`) with these weights is localized; see [`Embedding::is_local`].
     pub(super) fn would_be_local(vector: &[f64], weights: &[f64]) -> bool {
         within(vector, weights, range(vector, weights)) < LOCAL
     }
@@ -83,13 +84,13 @@ impl Embedding {
         self.gaps.truncate(count);
     }
 
-    /// A pixel's coordinate along an eigenvector, from its entry in it.
+    /// The coordinate of a pixel along an eigenvector, computed from the pixel's entry in the eigenvector.
     pub fn coordinate(&self, eigenvector: usize, entry: f64) -> f64 {
         let (low, high) = self.ranges[eigenvector];
         self.weights[eigenvector] * entry.max(low).min(high)
     }
 
-    /// Whether an eigenvector is localized and so contains no information on regions.
+    /// Returns true if an eigenvector is localized, so that it contains no information on regions.
     pub fn is_local(&self, eigenvector: usize) -> bool {
         self.within[eigenvector] < LOCAL
     }
@@ -104,13 +105,13 @@ fn within(vector: &[f64], weights: &[f64], (low, high): (f64, f64)) -> f64 {
     vector.iter().zip(weights).map(|(u, weight)| weight * u.max(low).min(high).powi(2)).sum()
 }
 
-/// The factor of an eigenvector with the gap `1 − λ`, which is known only up to the `residual`. An unresolved vector is divided by at least
-/// the residual. The residual does not include noise that a low-pass removed.
+/// The factor of an eigenvector with the gap `1 − λ`, which is known only up to the `residual`. If the gap is smaller than the residual,
+/// the residual replaces the gap. The residual does not include noise that a low-pass removed.
 fn weight(gap: f64, residual: f64) -> f64 {
     1.0 / gap.max(residual).max(FLOOR).sqrt()
 }
 
-/// The range of a vector without the [`LEAST_SHARE`] of all weight at either end.
+/// The range of a vector's entries, without the entries at either end that have [`LEAST_SHARE`] of all weight.
 fn range(vector: &[f64], weights: &[f64]) -> (f64, f64) {
     let mut order: Vec<usize> = (0..vector.len()).collect();
     order.sort_by(|&a, &b| vector[a].total_cmp(&vector[b]));
@@ -175,12 +176,12 @@ mod tests {
     #[test]
     fn a_range_leaves_out_the_least_share_of_weight_at_either_end() {
         let vector: Vec<f64> = (0..1000).map(f64::from).collect();
-        // The share is two of a thousand equal weights. It is reached at the second entry from either end.
+        // The share is two of a thousand equal weights, so it is reached at the second entry from either end.
         assert_eq!(range(&vector, &vec![1.0; 1000]), (1.0, 998.0));
         let mut weights = vec![1.0; 1000];
         weights[..3].fill(0.1);
         assert_eq!(range(&vector, &weights), (4.0, 998.0));
-        // With few nodes, each weighs more than the share.
+        // With few nodes, each node weighs more than the share.
         assert_eq!(range(&[3.0, -1.0, 2.0], &[1.0; 3]), (-1.0, 3.0));
     }
 }

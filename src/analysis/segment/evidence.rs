@@ -1,7 +1,7 @@
-//! Views of a segmentation: where the light of its groups goes, distances between pixels, and the agreement with other labels.
+//! Evidence for a segmentation: the light that groups exchange, distances between pixels, and the agreement with other labels.
 //!
-//! For the evidence, each group is lit alone. The photo under a group's own pixels shows all pixels that its light reaches. Summed over groups, these photos give the
-//! exchanged light, `E_ab = 1_aᵀ G 1_b`, and the value of the cut, `Σ_a (1 − E_aa / Σ_b E_ab)`, without any model.
+//! Each group is lit alone. The photo under a group's own pixels shows all pixels that its light reaches. Summed over groups, these photos
+//! give the exchanged light, `E_ab = 1_aᵀ G 1_b`, and the value of the cut, `Σ_a (1 − E_aa / Σ_b E_ab)`, without any model.
 
 use std::collections::BTreeMap;
 
@@ -10,31 +10,31 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::operator::{Operator, each_product};
 
-/// The photos of a segmentation's groups, each lit alone.
+/// Photos of a scene in which each group of a segmentation is lit alone.
 #[derive(Clone, Debug)]
 pub struct Evidence {
     /// The number of groups.
     pub groups: usize,
-    /// The photo of each group (`n`), without direct light if the operator has none.
+    /// The photo of each group (`n`). It has no direct light if the operator has none.
     pub photos: Vec<Vec<f64>>,
-    /// `E_ab / Σ_c E_cb`: the share of group `b`'s light to unmasked pixels that arrives in group `a`; row `a`, column `b`.
+    /// `E_ab / Σ_c E_cb`, in row `a` and column `b`: the share of group `b`'s light to unmasked pixels that arrives in group `a`.
     pub exchange: Vec<Vec<f64>>,
 }
 
 impl Evidence {
-    /// The share of its light that each group keeps.
+    /// The share of its own light that each group keeps.
     pub fn kept(&self) -> Vec<f64> {
         (0..self.groups).map(|group| self.exchange[group][group]).collect()
     }
 
-    /// The value of the normalized cut: the sum of the shares of light that leave their groups.
+    /// The value of the normalized cut, which is the sum of the shares of light that leave their groups.
     pub fn cut(&self) -> f64 {
         self.kept().iter().map(|kept| 1.0 - kept).sum()
     }
 }
 
-/// Lights each group of `labels` (`n`; 255 is masked and dark) alone, with one photo each by `operator`. Fails with
-/// [`Error::Dimension`] if there is not one label per pixel, or as the operator does.
+/// Lights each group of `labels` alone, with one photo each by `operator`. `labels` has `n` entries, and pixels of label 255 are masked and
+/// dark. Fails with [`Error::Dimension`] if there is not one label per pixel, or as the operator does.
 pub fn evidence(operator: &mut dyn Operator, labels: &[u8]) -> Result<Evidence> {
     for side in [operator.cols(), operator.rows()] {
         Error::check_size("labels of the groups to be lit", side, labels.len())?;
@@ -67,13 +67,13 @@ pub struct FeatureView {
     pub pixels: Vec<(usize, usize)>,
     /// The coordinates of each pixel (`k − 1` numbers), starting with the second eigenvector.
     pub coordinates: Vec<Vec<f64>>,
-    /// The distances between the pixels, row by row, relative to the root mean square distance of all pixels from the origin. A
-    /// pixel that exchanges light equally with all others would be at the origin.
+    /// The distances between the pixels, row by row, relative to the root mean square distance of all pixels from the origin. A pixel that
+    /// exchanged light equally with all other pixels would be at the origin.
     pub distances: Vec<Vec<f64>>,
 }
 
-/// Computes the coordinates and distances of pixels, given by column and row. Fails with [`Error::Option`] naming `--features`
-/// for a pixel that lies outside the raster or is masked and so has no coordinates.
+/// Computes the coordinates and distances of pixels, given by column and row. Fails with [`Error::Option`] naming `--features` if a pixel
+/// lies outside the raster, or is masked and so has no coordinates.
 pub fn feature_view(
     found: &Segmentation,
     resolution: Resolution,
@@ -93,7 +93,7 @@ pub fn feature_view(
     }
     let coordinates: Vec<Vec<f64>> =
         pixels.iter().map(|&(x, y)| found.feature(y * resolution.width + x)).collect();
-    // `within` holds Σ w u² of each eigenvector's clamped entries u.
+    // `within` holds Σ w u² for the clamped entries u of each eigenvector.
     let squares = found.embedding.weights.iter().zip(&found.embedding.within);
     let spread = squares.map(|(weight, within)| weight * weight * within).sum::<f64>()
         / found.weights.iter().sum::<f64>();
@@ -106,17 +106,17 @@ pub fn feature_view(
     Ok(FeatureView { pixels: pixels.to_vec(), coordinates, distances })
 }
 
-/// The labels given by a scene's author.
+/// The true labels, given by the author of a scene.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Truth {
     /// The region of each pixel (`n`), or [`MASKED`].
     pub labels: Vec<u8>,
-    /// The regions' names.
+    /// The names of the regions.
     pub regions: Vec<String>,
 }
 
 impl Truth {
-    /// The number of regions that are visible in some pixel.
+    /// The number of regions that are visible in at least one pixel.
     pub fn seen(&self) -> usize {
         (0..MASKED).filter(|region| self.labels.contains(region)).count()
     }
@@ -130,8 +130,9 @@ impl Truth {
     }
 }
 
-/// The adjusted Rand index of two labellings: 1 if they are equal up to label names, 0 on average for random labels, and negative below
-/// that. Pixels labelled 255 (masked) in either are ignored. The index is 1 for at most one pixel, or for one group in both.
+/// The adjusted Rand index of two labellings. It is 1 if they are equal up to label names, 0 on average for random labels, and negative if
+/// they agree less than random labels. Pixels with the label 255 (masked) in either labelling are ignored. The index is 1 if there is at
+/// most one pixel, or if both labellings have only one group.
 ///
 /// With `n_ij` pixels in group `i` of the first and `j` of the second labelling, group sizes `a` and `b`, and `C(x) = x(x−1)/2`:
 ///
@@ -162,7 +163,7 @@ pub fn adjusted_rand_index(a: &[u8], b: &[u8]) -> Result<f64> {
     let all = pairs(count);
     let by_chance = if all > 0.0 { in_left * in_right / all } else { 0.0 };
     let best = (in_left + in_right) / 2.0;
-    // With a single group in both, or single pixels as groups in both, the labellings agree and the formula is 0/0.
+    // If both labellings have a single group, or if all groups of both are single pixels, the labellings agree and the formula is 0/0.
     Ok(if best == by_chance { 1.0 } else { (together - by_chance) / (best - by_chance) })
 }
 

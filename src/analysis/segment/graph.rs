@@ -1,14 +1,15 @@
-//! The graph of light exchange. Its nodes are pixels, and its edge weights are the global light between them.
+//! The graph of light exchange. Its nodes are pixels, and the weight of an edge is the global light between two pixels.
 
 use crate::error::{Error, Result};
 
-/// Below this share, the light of masked pixels needs no second photo: the known eigenvector is accurate to the root of this share, 1e-8.
+/// If the share of light in masked pixels is below this value, no second photo is needed. The known eigenvector is then accurate to the
+/// root of this share, 1e-8.
 const NEGLIGIBLE_LEAK: f64 = 1e-16;
 
-/// The graph's nodes (the `m` of `n` pixels that are not masked) and their degrees.
+/// The nodes of the graph (the `m` of `n` pixels that are not masked) and their degrees.
 ///
-/// The edge weights `W = G_m + μ 1 1ᵀ` stay in the operator. `G` is the global part of the transport matrix, and `G_m` holds its
-/// rows and columns of unmasked pixels. Masking rows or columns alone would break the symmetry.
+/// The edge weights `W = G_m + μ 1 1ᵀ` stay in the operator. `G` is the global part of the transport matrix, and `G_m` holds its rows and
+/// columns of unmasked pixels. Masking only rows or only columns would break the symmetry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Graph {
     n: usize,
@@ -19,14 +20,14 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// Measures the graph from one or two photos; `white` is the first, `G 1`.
+    /// Measures the graph from one or two photos. The first photo is `white`, `G 1`.
     ///
-    /// Pixels with a degree of at most `mask_below` times the median are masked. They contain only noise, and a tiny degree makes a huge
-    /// entry of `D^-½`. The median is weighted by degree to ignore dark backgrounds: half of all light is in pixels above it.
+    /// Pixels with a degree of at most `mask_below` times the median degree are masked. They contain only noise, and a tiny degree makes a
+    /// huge entry of `D^-½`. The median is weighted by degree to ignore dark backgrounds: pixels above the median have half of all light.
     ///
     /// The degree must match the masked matrix, `D = diag(G_m 1_m)`, but `G 1` includes light exchanged with masked pixels. By symmetry
-    /// this light is at most the sum `t` of the masked degrees. If it is zero (or `√(t/Σd)` ≤ 1e-8), `white` suffices. Otherwise
-    /// `masked_photo` takes the photo of the mask as a pattern (1 on kept pixels, 0 elsewhere), whose values *are* the degrees. Pixels
+    /// this light is at most the sum `t` of the masked degrees. If `t` is zero (or `√(t/Σd)` ≤ 1e-8), `white` suffices. Otherwise
+    /// `masked_photo` takes the photo of the mask as a pattern (1 on unmasked pixels, 0 elsewhere), whose values *are* the degrees. Pixels
     /// whose degree is now too low are also masked, without another photo, and [`Graph::leak`] bounds their light.
     ///
     /// # Errors
@@ -61,7 +62,7 @@ impl Graph {
             degree = pixels.iter().map(|&i| photo[i]).collect();
         }
         let m = pixels.len() as f64;
-        // Each of the m nodes, itself included, adds an edge of μ.
+        // Each node has an edge of weight μ to each of the m nodes, including itself.
         degree.iter_mut().for_each(|d| *d += mu * m);
         Ok(Self { n, pixels, degree, leak, mu })
     }
@@ -71,12 +72,12 @@ impl Graph {
         self.n
     }
 
-    /// The index of each node's pixel in ascending order (`m`).
+    /// The pixel index of each node, in ascending order (`m`).
     pub fn pixels(&self) -> &[usize] {
         &self.pixels
     }
 
-    /// The degree of each node, `μ m` included (`m`, positive).
+    /// The degree of each node (`m`, positive). It includes `μ m`.
     pub fn degree(&self) -> &[f64] {
         &self.degree
     }
@@ -91,7 +92,7 @@ impl Graph {
         mask_of(self.n, &self.pixels).into_iter().map(|kept| !kept).collect()
     }
 
-    /// Scatters one value per node to the raster; masked pixels get `masked`.
+    /// Copies one value per node to the raster. Masked pixels get the value `masked`.
     pub fn scatter<T: Copy>(&self, nodes: &[T], masked: T) -> Vec<T> {
         let mut raster = vec![masked; self.n];
         for (&pixel, &value) in self.pixels.iter().zip(nodes) {
@@ -102,7 +103,7 @@ impl Graph {
 
     /// Writes `W x = (G_m + μ 1 1ᵀ) x` on nodes to `y`, from the photo of the pattern `x`.
     pub(super) fn weights_product(&self, x: &[f64], photo: &[f64], y: &mut [f64]) {
-        // The term μ 1 1ᵀ x is computed, not photographed.
+        // The term μ 1 1ᵀ x is computed, because it is not in the photo.
         let everywhere = if self.mu == 0.0 { 0.0 } else { self.mu * x.iter().sum::<f64>() };
         for (value, &pixel) in y.iter_mut().zip(&self.pixels) {
             *value = photo[pixel] + everywhere;
@@ -110,7 +111,7 @@ impl Graph {
     }
 }
 
-/// The median weighted by light: pixels of at least this degree have half of all light.
+/// The median weighted by light: the pixels with at least this degree have half of all light.
 fn median_by_light(degree: &[f64]) -> f64 {
     let mut positive: Vec<f64> = degree.iter().copied().filter(|&d| d > 0.0).collect();
     positive.sort_by(|a, b| b.total_cmp(a));

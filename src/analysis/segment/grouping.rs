@@ -1,18 +1,19 @@
-//! Groups of pixels by their coordinates in the space of eigenvectors: whether a group is really two, and how sure a pixel's group is.
+//! The reliability of groups: whether a group consists of two groups, and how certain the group of a pixel is.
 
 use crate::analysis::kmeans::Clusters;
 
-/// A group counts as two if the best cut across its longest axis explains this share of its variance along that axis. Points of a normal
-/// distribution reach 0.64, points of a uniform one 0.75.
+/// A group counts as two if the best cut across its longest axis explains this share of its variance along this axis. Points of a normal
+/// distribution reach a share of 0.64, and points of a uniform distribution 0.75.
 const TWO: f64 = 0.95;
 
-/// Each of the two must have this share of the group's light.
+/// Each of the two parts must have this share of the group's light.
 const LEAST_PART: f64 = 0.05;
 
-/// Degrees of freedom of the distribution of a pixel's distance from its group. They are few because some pixels are far from every group.
+/// The degrees of freedom of the distribution of a pixel's distance from its group: few, because some pixels are far from every group.
 const DEGREES_OF_FREEDOM: f64 = 4.0;
 
-/// Rounds of the power iteration for the longest axis. It need not converge: any axis near the longest shows two parts that are far apart.
+/// The number of steps of the power iteration for the longest axis. It need not converge, because any axis near the longest axis separates
+/// two parts that are far apart.
 const ROUNDS: usize = 50;
 
 /// The number of groups that count as two. `coordinates` holds `d` columns of `n` values.
@@ -69,9 +70,9 @@ fn longest_axis(coordinates: &[Vec<f64>], weights: &[f64], pixels: &[usize], cen
     axis
 }
 
-/// How sure the group of each point is, from 0 to 1: its probability among all groups. The distances from the centres are assumed to follow
-/// Student's distribution with their average width. The value says how well the point fits its group, not whether the number of groups is
-/// right.
+/// The confidence in the group of each point, from 0 to 1: the probability of this group among all groups. The distances from the centres
+/// are assumed to follow Student's distribution with their average width. The confidence says how well the point fits its group, not
+/// whether the number of groups is right.
 pub(super) fn confidence(coordinates: &[Vec<f64>], weights: &[f64], clusters: &Clusters) -> Vec<f64> {
     let d = coordinates.len() as f64;
     let width = clusters.inertia / (weights.iter().sum::<f64>() * d);
@@ -99,7 +100,7 @@ mod tests {
     use super::*;
     use crate::analysis::kmeans::{KmeansOptions, kmeans};
 
-    /// Points around these centres on a line, a thousand each, in two coordinates with even noise of width 2.
+    /// A thousand points around each of these centres on a line, in two coordinates with uniform noise of width 2.
     fn around(centres: &[f64]) -> [Vec<f64>; 2] {
         let mut random = Pcg64::seed_from_u64(7);
         let mut noise = |_| random.random_range(-1.0..1.0);

@@ -1,4 +1,4 @@
-//! A low-pass for the directions of a segmentation's Krylov process, where noise dominates the photos.
+//! A low-pass filter for the directions of a segmentation's Krylov process. It is used where noise dominates the photos.
 //!
 //! Regions are extended, while the noise of a photo differs from pixel to pixel. A Gaussian blur of standard deviation `σ` keeps
 //! `1 / 4πσ²` of the variance of noise, and nearly everything that varies slowly.
@@ -7,16 +7,16 @@ use super::graph::Graph;
 use crate::image::{Blur, Resolution};
 use crate::krylov::Filter;
 
-/// A smaller share of noise stays, because the blur would cost more than it saves.
+/// A share of noise up to this value is not filtered, because the blur would lose more than it gains.
 const TOLERATED: f64 = 0.3;
 
-/// After the blur, the variance of noise is at most this share of the variance of the light.
+/// The blur is chosen so that it leaves at most this variance of noise, relative to the variance of the light, if [`WIDTHS`] allows it.
 const LEFT: f64 = 0.1;
 
 /// The narrowest and the widest blur in pixels.
 const WIDTHS: [f64; 2] = [0.6, 4.0];
 
-/// The filter for vectors on the nodes of a graph. Eigenvectors of regions are the `known` vector times a constant on each region.
+/// Makes the filter for vectors on the nodes of a graph. Eigenvectors of regions are the `known` vector times a constant on each region.
 pub(super) fn low_pass(graph: &Graph, known: &[f64], resolution: Resolution) -> Filter {
     let (pixels, known) = (graph.pixels().to_vec(), known.to_vec());
     Filter::new(move |rest, share| {
@@ -28,7 +28,7 @@ pub(super) fn low_pass(graph: &Graph, known: &[f64], resolution: Resolution) -> 
         let blur = Blur::new(resolution, width.clamp(WIDTHS[0], WIDTHS[1]))?;
         let (mut sum, mut weight) = (vec![0.0; resolution.pixels()], vec![0.0; resolution.pixels()]);
         for ((&pixel, rest), known) in pixels.iter().zip(rest).zip(&known) {
-            // The image is `rest / known` with the weight `known²`, because dark pixels are the noisiest.
+            // The filter blurs the image `rest / known` with the weight `known²`, because dark pixels are the noisiest.
             sum[pixel] = rest * known;
             weight[pixel] = known * known;
         }
@@ -53,7 +53,7 @@ mod tests {
         let filter = low_pass(&graph, &known, resolution);
         let wave = |pixel: usize| (std::f64::consts::PI * ((pixel % 24) as f64 + 0.5) / 24.0).cos();
         let slow: Vec<f64> = (0..576).map(|pixel| known[pixel] * wave(pixel)).collect();
-        // A checkerboard is the opposite of a region.
+        // A checkerboard varies as fast as possible, unlike a region.
         let fast: Vec<f64> = (0..576)
             .map(|pixel| known[pixel] * if (pixel % 24 + pixel / 24) % 2 == 0 { 1.0 } else { -1.0 })
             .collect();

@@ -1,15 +1,16 @@
-//! Light transport segmentation: groups of pixels that exchange light with one another, and little with the rest.
+//! Light transport segmentation finds groups of pixels that exchange light with one another, and little light with other groups.
 //!
-//! Pixels are the nodes of a graph, and the global light `G_ij` between two of them is the weight of their edge. The normalized cut (Shi
-//! and Malik, doi:10.1109/34.868688) splits the graph where the exchanged light is small relative to each side's total. Relaxed to real
-//! vectors, this is the generalized eigenproblem `(D − G) u = (1 − λ) D u`. Its smallest eigenvectors are the largest of `D^-½ G D^-½`,
-//! which Lanczos finds from a few dozen photos. K-means on their entries ([`Embedding`]) gives any number of groups from one capture.
+//! Pixels are the nodes of a graph, and the global light `G_ij` between two pixels is the weight of their edge. The normalized cut (Shi and
+//! Malik, doi:10.1109/34.868688) splits the graph where the exchanged light is small relative to the total light of each side. Relaxed to
+//! real vectors, the cut is the generalized eigenproblem `(D − G) u = (1 − λ) D u`. Its smallest eigenvalues `1 − λ` belong to the largest
+//! eigenvalues `λ` of `D^-½ G D^-½`, which Lanczos finds from a few dozen photos. K-means on the entries of the eigenvectors
+//! ([`Embedding`]) gives any number of groups from one capture.
 //!
-//! The cut has limits. Two surfaces that meet in a sharp crease exchange light at every scale. The eigenvalues of the continuous scene are
+//! The cut has a limit. Two surfaces that meet in a sharp crease exchange light at every scale. The eigenvalues of the continuous scene are
 //! then not separate below some value (`guide/src/concepts/segmentation.md`), and fine groups follow the crease.
 //!
-//! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5; for the photos, *Optical computing for
-//! fast light transport analysis*, 2010, doi:10.1145/1882261.1866165.
+//! References: O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5; for the photos, *Optical
+//! computing for fast light transport analysis*, 2010, doi:10.1145/1882261.1866165.
 
 mod capture;
 mod confirm;
@@ -36,8 +37,9 @@ pub use segmentation::{MASKED, SURE, Segmentation, possible};
 use crate::error::Result;
 use crate::operator::Operator;
 
-/// Segments a scene within a budget of photos. `global` is its symmetric transport matrix (`n × n`) without the direct part. A [`Capture`]
-/// keeps the photos taken before a failure. Fails as [`Capture::new`], [`Capture::run`] and [`Capture::segmentation`] do.
+/// Segments a scene within a budget of photos. `global` is the scene's symmetric transport matrix (`n × n`) without the direct part. To
+/// keep the photos taken before a failure, use a [`Capture`] instead. Fails as [`Capture::new`], [`Capture::run`] and
+/// [`Capture::segmentation`] do.
 pub fn segment(global: &mut dyn Operator, options: &SegmentOptions) -> Result<Segmentation> {
     let mut capture = Capture::new(options.clone())?;
     capture.run(global)?;

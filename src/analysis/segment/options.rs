@@ -20,35 +20,37 @@ pub enum Cut {
 /// The options of [`segment`](super::segment()).
 #[derive(Clone, Debug)]
 pub struct SegmentOptions {
-    /// The most photos, including those of the degree; at least 3. Default 50.
+    /// The largest number of photos, including the photos of the degree; at least 3. Default 50.
     pub photos: usize,
-    /// The numbers of groups, each from 2 to 254. By default there is one: the regions that the light shows, or two where it shows one.
+    /// The numbers of groups, each from 2 to 254. By default there is one number: the number of regions that the light shows, but at least
+    /// two.
     pub groups: Vec<usize>,
-    /// The number of eigenvectors, including the known one; at least 2. Each Lanczos photo adds at most one. Where no number of groups is
-    /// given, there is at least one per region. Default 10.
+    /// The number of eigenvectors, including the known eigenvector; at least 2. Each Lanczos photo adds at most one eigenvector. If no
+    /// number of groups is given, there is at least one eigenvector per region. Default 10.
     pub eigenvectors: usize,
-    /// The number of patterns that the Krylov process starts from. Each pattern finds one of the regions that exchange the same small
-    /// amount of light, so every region needs one. Each pattern then has only its share of the photos. If all of several patterns have
-    /// found a region and photos are left, the same number of patterns is added. One pattern is the paper's process. Default none:
-    /// [`SegmentOptions::automatic_starts`] where the pixels are known, otherwise one.
+    /// The number of starting patterns of the Krylov process. Among regions that exchange the same small amount of light, each pattern
+    /// finds only one region, so every region needs a pattern. With more patterns, each pattern has fewer photos. If each of several
+    /// patterns has found a region and photos are left, the same number of patterns is added. The paper's process has one pattern. Default
+    /// none: [`SegmentOptions::automatic_starts`] if the pixels are known, otherwise one.
     pub starts: Option<usize>,
-    /// The pixels of patterns and photos. They serve to make the starting patterns smooth, because regions are extended and noise is not.
-    /// Default none: random signs, pixel by pixel.
+    /// The resolution of patterns and photos. It serves to make the starting patterns smooth, because regions are extended and noise is
+    /// not. Default none: random signs, pixel by pixel.
     pub resolution: Option<Resolution>,
     /// The normalization of the cut.
     pub cut: Cut,
     /// The weight `μ ≥ 0` added to every edge (in units of `G`), which makes small groups less likely. Default 0.
     pub mu: f64,
-    /// The share of a region's light that the operator itself carries across its border, as a blur does. Eigenvalues this far from one
-    /// still count. Default 0.
+    /// The share of a region's light that the operator itself carries across the region's border, as a blur does. Eigenvalues this far from
+    /// 1 still count as near 1. Default 0.
     pub leak: f64,
-    /// Pixels with at most this share, in [0, 1), of the median degree are masked: [`Graph`](super::Graph::measure). Default 0.01.
+    /// Pixels with at most this share, in [0, 1), of the median degree are masked ([`Graph`](super::Graph::measure)). Default 0.01.
     pub mask_below: f64,
     /// The capture ends early once every eigenvector's residual is at most this share of the matrix norm. Default 1e-6.
     pub tolerance: f64,
     /// Seed of the Lanczos start and of k-means.
     pub seed: u64,
-    /// How to confirm, by photos beyond the budget, that no region was missed. Default none: it is confirmed by itself if photos are free.
+    /// The confirmation, by photos beyond the budget, that no region was missed. Default none: the regions are confirmed only if photos are
+    /// free.
     pub confirm: Option<Confirm>,
 }
 
@@ -72,7 +74,7 @@ impl Default for SegmentOptions {
 }
 
 impl SegmentOptions {
-    /// The default options with these numbers of groups, all from the same photos.
+    /// The default options with these numbers of groups. All numbers use the same photos.
     pub fn groups(groups: impl IntoIterator<Item = usize>) -> Self {
         Self { groups: groups.into_iter().collect(), ..Self::default() }
     }

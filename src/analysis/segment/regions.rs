@@ -1,12 +1,12 @@
-//! The number of regions in the scene: sets of pixels that exchange almost no light with the rest.
+//! The number of regions in a scene. A region is a set of pixels that exchanges almost no light with other pixels.
 //!
-//! Each region without exchange adds an eigenvalue 1 of `D^-½ G D^-½`, and one with little exchange adds an eigenvalue near 1 (von Luxburg,
-//! *A tutorial on spectral clustering*, 2007, doi:10.1007/s11222-007-9033-z, sections 3 and 8.3). There is thus one eigenvalue with a small
-//! `1 − λ` per region, followed by a jump. The largest jump gives the suggested number.
+//! Each region without exchange adds an eigenvalue 1 of `D^-½ G D^-½`, and each region with little exchange adds an eigenvalue near 1 (von
+//! Luxburg, *A tutorial on spectral clustering*, 2007, doi:10.1007/s11222-007-9033-z, sections 3 and 8.3). There is thus one eigenvalue
+//! with a small `1 − λ` per region, followed by a jump. The largest jump gives the suggested number of regions.
 //!
-//! A Krylov process finds one vector of a repeated eigenvalue per starting vector. Where all of them are near 1, there may be more regions,
-//! and the number is a lower bound. The one vector of an *exactly* repeated eigenvalue is a random mixture of the regions' indicator
-//! vectors. It is constant on each region and different between regions, so its levels are counted as well.
+//! A Krylov process finds only one vector of a repeated eigenvalue per starting vector. If all eigenvalues found are near 1, there may be
+//! more regions, and the number is a lower bound. If an eigenvalue is repeated *exactly*, the single vector found is a random mixture of
+//! the regions' indicator vectors. It is constant on each region and different between regions, so its levels are counted as well.
 //!
 //! Localized eigenvectors ([`Embedding::is_local`](super::Embedding::is_local)) are left out.
 
@@ -15,7 +15,8 @@ use super::embedding::LEAST_SHARE;
 use crate::finding::decimal;
 use crate::krylov::{Completeness, temple_kato};
 
-/// Eigenvalues closer to 1 than this count as this close, so that rounding creates no gaps. An operator that blurs has a higher floor.
+/// Eigenvalues whose distance from 1 is smaller than this value count as this distant, so that rounding creates no gaps. An operator that
+/// blurs has a higher floor.
 const FLOOR: f64 = 1e-3;
 
 /// An eigenvalue this close to 1 counts as 1.
@@ -24,42 +25,45 @@ const EXACT: f64 = 1e-6;
 /// A region must keep at least this share of its light.
 pub const KEPT: f64 = 0.85;
 
-/// The count is clear if the next eigenvalue is this many times as far from 1, and keeps too little light for a region.
+/// The count is clear if the next eigenvalue is at least this many times as far from 1, and keeps too little light for a region.
 const CLEAR: f64 = 4.0;
 
-/// A suggested number of regions and its evidence.
+/// A suggested number of regions, and the evidence for this number.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Regions {
-    /// The suggested number; at least 1.
+    /// The suggested number of regions; at least 1.
     pub count: usize,
-    /// Eigenvalues before the largest gap, with the known 1 and without those of localized eigenvectors.
+    /// The number of eigenvalues before the largest gap. It includes the known eigenvalue 1, but not the eigenvalues of localized
+    /// eigenvectors.
     pub at_one: usize,
-    /// The distance from 1 of the last of these eigenvalues.
+    /// The distance from 1 of the last eigenvalue before the gap.
     pub last: f64,
-    /// The distance from 1 of the eigenvalue after the gap, or a lower bound; `None` if the capture ends before it.
+    /// The distance from 1 of the eigenvalue after the gap, or a lower bound; `None` if the capture ended before it found this eigenvalue.
     pub next: Option<f64>,
-    /// The ratio of `next` to `last`. `last` counts as at least 0.001, or as the share that a blur carries across a border.
+    /// The ratio of `next` to `last`. `last` counts as at least 0.001, and as at least the share of light that a blur carries across a
+    /// border.
     pub ratio: Option<f64>,
-    /// Regions of `count` that only the coordinates of the pixels show: groups that were divided.
+    /// The part of `count` that only the coordinates of the pixels reveal, because groups were divided.
     pub divided: usize,
-    /// Levels of the second eigenvector if its eigenvalue is 1 to six digits: regions without any exchange.
+    /// The number of levels of the second eigenvector if its eigenvalue is 1 to six digits. Each level is a region without any exchange.
     pub levels: Option<usize>,
-    /// Whether there may be more regions than `count`, because each starting pattern has found one, or the gap after the last was not seen.
+    /// True if there may be more regions than `count`, because each starting pattern has found a region, or the gap after the last region
+    /// was not seen.
     pub at_least: bool,
-    /// Whether the gap is wide enough to be trusted, and the number is not only a lower bound.
+    /// True if the gap is wide enough to be trusted, and the number is not only a lower bound.
     pub clear: bool,
-    /// Knowledge about further regions.
+    /// Knowledge about regions that the capture may have missed.
     pub unseen: Unseen,
 }
 
 impl Regions {
-    /// The suggestion from the eigenvalues and the second eigenvector.
+    /// Suggests a number of regions from the eigenvalues and the second eigenvector.
     ///
-    /// * `gaps` holds the distances `1 − λ` of the eigenvalues with the residuals of their eigenvectors. The known one is first; localized
-    ///   ones are left out.
-    /// * `u` is the second eigenvector on `m` nodes of `degrees` (`uᵀ D u = 1`), with its residual.
-    /// * `starts` is the number of patterns that the Krylov process began from.
-    /// * `leak` is the share of light that its operator carries across a region's border.
+    /// * `gaps` holds the distances `1 − λ` of the eigenvalues with the residuals of their eigenvectors. The known eigenvalue is first;
+    ///   eigenvalues of localized eigenvectors are left out.
+    /// * `second` is the second eigenvector `u` on `m` nodes of `degrees` (`uᵀ D u = 1`), with its residual.
+    /// * `starts` is the number of starting patterns of the Krylov process.
+    /// * `leak` is the share of light that the operator of the process carries across a region's border.
     pub(super) fn suggested(
         gaps: &[(f64, f64)],
         second: Option<(&[f64], f64)>,
@@ -70,7 +74,7 @@ impl Regions {
         let floor = FLOOR.max(leak);
         let residuals: Vec<f64> = gaps.iter().map(|(_, residual)| *residual).collect();
         let gaps: Vec<f64> = gaps.iter().map(|(gap, _)| *gap).collect();
-        // A Ritz value that has not converged may still move nearer to one.
+        // A Ritz value that has not converged may still move nearer to 1.
         let converged = |index: usize| {
             let residual = residuals[index];
             let apart = gaps.get(index + 1).map_or(0.0, |next| next - gaps[index]);
@@ -90,9 +94,10 @@ impl Regions {
             _ => None,
         };
         let unseen = levels.map_or(0, |levels| levels.saturating_sub(exact));
-        // The known eigenvalue needs no start. A single start splits eigenvalues that differ a little, and its levels show the rest.
+        // The known eigenvalue needs no start. A single start separates eigenvalues that differ a little; the levels of its vector show
+        // equal ones.
         let at_least = next.is_none() || (starts > 1 && last >= starts) || (starts == 1 && last > 1);
-        // An eigenvector with a residual may still move this much nearer to one.
+        // An eigenvalue may still move nearer to 1 by the residual of its eigenvector.
         let is_far =
             |next: f64| next > 1.0 - KEPT && next - residuals[last + 1] >= CLEAR * gaps[last].max(floor);
         Self {
@@ -109,7 +114,8 @@ impl Regions {
         }
     }
 
-    /// Counts further regions that the coordinates of the pixels show. The eigenvalues then lack some copies, so there may be even more.
+    /// Counts `more` regions that only the coordinates of the pixels show. Copies of eigenvalues are then missing; there may be further
+    /// regions.
     pub(super) fn divide(&mut self, more: usize) {
         self.count += more;
         self.divided += more;
@@ -176,7 +182,8 @@ impl Regions {
     }
 }
 
-/// Counts clusters of values with gaps of at most `tolerance` standard deviations. Each has two or more pixels and a group's least light.
+/// Counts clusters of values in which neighbouring values differ by at most `tolerance` standard deviations. A cluster counts if it has two
+/// or more pixels and at least the share [`LEAST_SHARE`] of all light.
 fn count_levels(vector: &[f64], degrees: &[f64], tolerance: f64) -> usize {
     let all = degrees.iter().sum::<f64>();
     let apart = tolerance / all.sqrt();
@@ -210,7 +217,7 @@ mod tests {
         assert_eq!(count(&[0.0, 0.2, 0.25, 0.3]), 1);
         assert_eq!(count(&[0.0, 0.006, 0.18, 0.19]), 2);
         assert_eq!(count(&[0.0, 1e-9, 0.001, 0.0012, 0.0036, 0.15, 0.16]), 5);
-        // A wide gap far from one gives no information on regions.
+        // A wide gap far from 1 gives no information on regions.
         assert_eq!(count(&[0.0, 0.16, 0.99]), 1);
         let unclear = suggested(&[0.0, 0.05, 0.1, 0.14, 0.2]);
         assert!(!unclear.clear && unclear.count == 1, "{unclear:?}");
@@ -220,7 +227,7 @@ mod tests {
 
     #[test]
     fn a_value_that_is_still_on_its_way_to_one_is_counted_as_there() {
-        // A rig with 40 photos: the second region's eigenvalue may still move nearer to one by its residual.
+        // The values are from a rig with 40 photos. The second region's eigenvalue may still move nearer to 1 by its residual.
         let gaps = [(0.0, 0.0), (0.0137, 0.061), (0.154, 0.06), (0.217, 0.1)];
         let found = Regions::suggested(&gaps, None, &[], 9, 0.0);
         assert_eq!((found.count, found.clear), (2, true), "{found:?}");
@@ -228,7 +235,7 @@ mod tests {
 
     #[test]
     fn what_a_blur_carries_across_the_border_joins_no_regions() {
-        // The scene zigzag through a rig whose camera is as coarse as the projector, blurred by one pixel of 64.
+        // The values are from the scene zigzag through a rig whose camera is as coarse as the projector, blurred by one pixel of 64.
         let gaps = [(0.0, 0.0), (0.0195, 0.02), (0.188, 0.031), (0.211, 0.064)];
         let suggested = |leak| Regions::suggested(&gaps, None, &[], 9, leak);
         assert_eq!((suggested(0.0).count, suggested(0.0176).count), (1, 2));

@@ -11,37 +11,38 @@ use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio, SIGMAS};
 use crate::krylov::{Factorization, HistoryRow, RitzPair, Which};
 
-/// Labels are bytes, and 255 is the label of masked pixels.
+/// The largest number of groups. Labels are bytes, and 255 is the label of masked pixels.
 const MOST_GROUPS: usize = 254;
 
 /// The label of a masked pixel.
 pub const MASKED: u8 = 255;
 
-/// An eigenvalue is at most the largest row sum. A larger excess is a fault of the photos; rounding or a little noise does not explain it.
+/// An eigenvalue is at most the largest row sum. An excess above this share is a fault of the photos that rounding or a little noise does
+/// not explain.
 const IMPOSSIBLE: f64 = 0.05;
 
-/// A label of at least this confidence is sure.
+/// A label counts as sure if its confidence has at least this value.
 pub const SURE: f64 = 0.95;
 
 /// The status sentence counts an eigenvector as resolved if its residual is below this share of the matrix norm.
 const RESOLVED: f64 = 1e-2;
 
-/// A segmentation of `n` pixels with `k` eigenvectors: the number requested, or fewer if there were too few photos.
+/// A segmentation of `n` pixels with `k` eigenvectors. `k` is the requested number, or less if there were too few photos.
 #[derive(Clone, Debug)]
 pub struct Segmentation {
     /// The label of each pixel (`n`) for each requested number of groups `K`. Labels are numbered by first appearance in raster
     /// order; masked pixels have [`MASKED`] (255).
     pub labels: Vec<(usize, Vec<u8>)>,
-    /// How sure the label of each pixel is (`n`, from 0 to 1) for each number of groups: the probability of its group among all groups, by
-    /// its coordinates. It does not say whether the number of groups is right. 0 on masked pixels.
+    /// The confidence in the label of each pixel (`n`, from 0 to 1) for each number of groups: the probability of the pixel's group among
+    /// all groups, computed from the pixel's coordinates. It does not say whether the number of groups is right. 0 on masked pixels.
     pub confidence: Vec<(usize, Vec<f64>)>,
-    /// The `k` eigenvalues: `λ` of `D^-½ G D^-½`, descending from 1, for the normalized cut; `λ` of `D − G`, ascending from 0,
-    /// for the average cut. The first is known.
+    /// The `k` eigenvalues: `λ` of `D^-½ G D^-½`, descending from 1, for the normalized cut; `λ` of `D − G`, ascending from 0, for the
+    /// average cut. The first eigenvalue is known.
     pub eigenvalues: Vec<f64>,
-    /// The residual norm of each, for an eigenvector of `D^-½ G D^-½` or `D − G` of norm 1. The first is a bound.
+    /// The residual norm of each eigenvalue, for an eigenvector of `D^-½ G D^-½` or `D − G` of norm 1. The first residual is a bound.
     pub residuals: Vec<f64>,
-    /// The `k` generalized eigenvectors `u` of length `n`, zero on masked pixels, with `uᵀ D u = 1` (normalized cut) or `uᵀ u =
-    /// 1` (average cut). The first is constant.
+    /// The `k` generalized eigenvectors `u` of length `n`, zero on masked pixels, with `uᵀ D u = 1` (normalized cut) or `uᵀ u = 1` (average
+    /// cut). The first eigenvector is constant.
     pub eigenvectors: Vec<Vec<f64>>,
     /// The map from eigenvectors to the coordinates that k-means groups.
     pub embedding: Embedding,
@@ -49,38 +50,39 @@ pub struct Segmentation {
     pub weights: Vec<f64>,
     /// The number of regions with almost no exchange, estimated from the eigenvalues.
     pub regions: Regions,
-    /// The degree `D` of each pixel (`n`) in units of radiance, `μ m` included; zero on masked pixels.
+    /// The degree `D` of each pixel (`n`) in units of radiance, including `μ m`; zero on masked pixels.
     pub degree: Vec<f64>,
     /// True on masked pixels (`n`).
     pub mask: Vec<bool>,
-    /// The cut that the eigenvalues belong to.
+    /// The type of cut that the eigenvalues belong to.
     pub cut: Cut,
-    /// Photos taken, including those of the degree.
+    /// The number of photos taken, including the photos of the degree.
     pub photos: usize,
-    /// One row per Lanczos photo: photos so far, eigenvalues and residuals (without the known pair).
+    /// One row per Lanczos photo: the number of photos so far, the eigenvalues and the residuals (without the known pair).
     pub history: Vec<HistoryRow>,
     /// The status as a sentence without its full stop.
     pub status: String,
 }
 
 impl Segmentation {
-    /// A pixel's coordinates for k-means: its weighted entries in all eigenvectors but the known one (`k − 1` numbers).
+    /// A pixel's coordinates for k-means: its weighted entries in all eigenvectors except the known eigenvector (`k − 1` numbers).
     pub fn feature(&self, pixel: usize) -> Vec<f64> {
         let entries = self.eigenvectors.iter().enumerate().skip(1);
         entries.map(|(index, u)| self.embedding.coordinate(index, u[pixel])).collect()
     }
 
-    /// The share of the unmasked pixels whose label is [`SURE`] for this number of groups.
+    /// The share of the unmasked pixels whose label has at least the confidence [`SURE`], for this number of groups.
     pub fn share_of_sure(&self, groups: usize) -> Option<f64> {
         let (_, confidence) = self.confidence.iter().find(|(of, _)| *of == groups)?;
         let seen = self.mask.iter().filter(|masked| !**masked).count();
         Some(confidence.iter().filter(|value| **value >= SURE).count() as f64 / seen.max(1) as f64)
     }
 
-    /// Whether light can have these eigenvalues: at most 1 in size for `D^-½ G D^-½`, between 0 and twice the largest degree for `D − G`.
+    /// Checks whether light can have these eigenvalues: at most 1 in magnitude for `D^-½ G D^-½`, from 0 to twice the largest degree for
+    /// `D − G`.
     pub fn findings(&self) -> Vec<Finding> {
         let values = self.eigenvalues.iter().copied();
-        // Each eigenvalue becomes its distance from the middle of its range, relative to half of the range.
+        // Each eigenvalue is converted to its distance from the middle of its range, relative to half of the range.
         let half = self.degree.iter().copied().fold(0.0, f64::max);
         let sizes = values.map(|value| match self.cut {
             Cut::Normalized => value.abs().into(),
@@ -93,14 +95,15 @@ impl Segmentation {
         vec![possible(largest, 0.0)]
     }
 
-    /// The segmentation with these options by the photos of a capture so far, which has taken a step.
+    /// Makes the segmentation with these options from the photos that a capture has taken so far. The capture must have taken a Lanczos
+    /// step.
     pub(super) fn of(
         capture: &Capture,
         options: &SegmentOptions,
         graph: &Graph,
         lanczos: &Factorization,
     ) -> Result<Self> {
-        // The starts can find as many copies of an eigenvalue as there are starts. One more eigenvalue shows the gap after the regions.
+        // The process finds as many copies of an eigenvalue as it has starts. One more eigenvalue shows the gap after the regions.
         let wanted = (options.eigenvectors - 1).max(lanczos.block() + 1);
         let pairs = lanczos.ritz(Which::LargestAlgebraic, wanted)?;
         let mut vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| lanczos.ritz_vector(pair)).collect();
@@ -123,7 +126,7 @@ impl Segmentation {
         let mut regions =
             count_regions(&embedding, &pairs, &vectors, &weights, (norm, lanczos.block(), options.leak));
         regions.confirm(capture.unseen);
-        // Eigenvectors beyond the requested number only served to count the regions.
+        // Eigenvectors beyond the requested number only served to count the regions, so they are dropped.
         let most = if options.groups.is_empty() { regions.count } else { 0 };
         let kept = vectors.len().min(options.eigenvectors.max(most));
         vectors.truncate(kept);
@@ -169,7 +172,7 @@ impl Segmentation {
     }
 }
 
-/// A sentence about how the capture ended, and how many of `wanted` eigenvectors it resolved.
+/// Describes how the capture ended, and how many of the `wanted` eigenvectors it resolved, as a sentence.
 fn status(capture: &Capture, resolved: usize, wanted: usize, local: usize) -> String {
     let ended = capture.status().map_or("the capture broke off".into(), |status| status.to_string());
     let localized = if local == 0 { String::new() } else { format!(", and {local} are localized") };
@@ -179,8 +182,9 @@ fn status(capture: &Capture, resolved: usize, wanted: usize, local: usize) -> St
     )
 }
 
-/// Whether eigenvalues of a matrix of light are possible. `largest` is the largest of their sizes, relative to the largest row sum, and
-/// `error` its standard error. All entries of such a matrix are at least 0, so no eigenvalue is larger than the largest row sum.
+/// Checks whether the eigenvalues of a matrix of light are possible. `largest` is the largest magnitude of an eigenvalue relative to the
+/// largest row sum, and `error` is the standard error of `largest`. All entries of such a matrix are at least 0, so no eigenvalue is larger
+/// than the largest row sum.
 pub fn possible(largest: f64, error: f64) -> Finding {
     let bound = 1.0 + IMPOSSIBLE;
     let grade = if largest - SIGMAS * error <= bound { Grade::Ok } else { Grade::Fails };
@@ -190,8 +194,8 @@ pub fn possible(largest: f64, error: f64) -> Finding {
         .measured(largest, error, bound)
 }
 
-/// One group per region. A group whose coordinates show two is divided. The eigenvalues do not count a region before its eigenvector is
-/// found, but other eigenvectors already separate it.
+/// Makes one group per region, and divides each group whose coordinates form two clusters. The eigenvalues count a region only after its
+/// eigenvector is found, but other eigenvectors may already separate the region.
 fn undivided(
     regions: &mut Regions,
     (features, weights): (&[Vec<f64>], &[f64]),
@@ -200,7 +204,7 @@ fn undivided(
     let most = MOST_GROUPS.min(weights.len()).max(2);
     loop {
         let found = grouped(regions.count.clamp(2, most));
-        // A single region becomes two groups only because some number is needed, so nothing is divided.
+        // If there is only one region, it becomes two groups only because two is the smallest number of groups. No group is divided then.
         let more = if regions.count < 2 { 0 } else { divided(features, weights, &found) };
         if more == 0 || regions.count + more > most {
             return found;
@@ -209,8 +213,8 @@ fn undivided(
     }
 }
 
-/// The number of regions, from all eigenvectors that are not localized. `norm` is the norm of the matrix. The Krylov process began from
-/// `starts` patterns, and its operator carries the share `leak` of a region's light across the border.
+/// Counts the regions from all eigenvectors that are not localized. `norm` is the norm of the matrix. The Krylov process began from
+/// `starts` patterns, and its operator carries the share `leak` of a region's light across the region's border.
 fn count_regions(
     embedding: &Embedding,
     pairs: &[RitzPair],
@@ -241,7 +245,7 @@ fn number_by_appearance(labels: &[usize]) -> Vec<u8> {
                 names.push(*label);
                 names.len() - 1
             });
-            // There are at most 254 groups.
+            // The cast is exact, because there are at most 254 groups.
             name as u8
         })
         .collect()

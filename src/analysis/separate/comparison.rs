@@ -1,4 +1,4 @@
-//! A comparison of all methods of separation at several numbers of photos with the exact bounces.
+//! A comparison of all separation methods with the exact bounces, at several numbers of photos.
 
 use crate::analysis::low_rank::{LowRankCapture, capture};
 use crate::analysis::planes::{Planes, difference, norm, relative_error, relative_to, sum};
@@ -11,7 +11,7 @@ use crate::krylov::Start;
 use crate::operator::Operator;
 use crate::sparse::Csr;
 
-/// The result of a method and its settings against the exact first bounce.
+/// The result of a method with certain settings, compared with the exact first bounce.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct ComparisonRow {
     /// The method's name.
@@ -20,14 +20,14 @@ pub struct ComparisonRow {
     pub setting: String,
     /// Number of photos.
     pub photos: usize,
-    /// The relative error `‖direct − exact‖ / ‖exact‖`; undefined without direct light.
+    /// The relative error `‖direct − exact‖ / ‖exact‖`. It has no value if there is no direct light.
     pub error: Ratio,
-    /// The relative error of the global light; undefined without global light.
+    /// The relative error of the global light. It has no value if there is no global light.
     pub global_error: Ratio,
 }
 
-/// Compares all methods. `full` holds operators of all light (`n × n`), one per channel. `exact` is the light of one bounce, and
-/// of two and more, under white. `period` is the period of the sinusoids in pixels.
+/// Compares all methods. `full` holds operators of all light (`n × n`), one per channel. `exact` holds the light of one bounce, and the
+/// light of two or more bounces, under white. `period` is the period of the sinusoids in pixels.
 pub fn compare_separations<O: Operator>(
     full: &mut [O],
     resolution: Resolution,
@@ -58,7 +58,7 @@ pub fn compare_separations<O: Operator>(
         let one = |operator: &mut O| separate(operator, resolution, by, seed);
         row(by, &full.iter_mut().map(one).collect::<Result<Vec<_>>>()?);
     }
-    // One capture serves all counts, because its first photos equal the photos of a shorter capture.
+    // A single capture serves all numbers of photos, because its first photos equal the photos of a shorter capture.
     let white = sum(&exact[0], &exact[1]);
     let most = COUNTS[COUNTS.len() - 1];
     let start = Some(Start::Rademacher { seed });
@@ -73,20 +73,20 @@ pub fn compare_separations<O: Operator>(
     Ok(rows)
 }
 
-/// Global light, split by the distance from its own pixel at which it returns.
+/// Global light, split by the distance between the pixel where it starts and the pixel where it returns.
 #[derive(Clone, Debug)]
 pub struct NearFar {
-    /// Light weighted by `exp(−d²/2σ²)` of the distance `d` in pixels.
+    /// Light with the weight `exp(−d²/2σ²)` for a distance of `d` pixels.
     pub near: Planes,
-    /// All other global light.
+    /// The remaining global light.
     pub far: Planes,
     /// `σ` in pixels.
     pub sigma: f64,
     /// Number of photos of random patterns.
     pub photos: usize,
-    /// The norm of the standard errors of `near` relative to the norm of `near`; undefined where `near` is mere noise.
+    /// The norm of the standard errors of `near`, relative to the norm of `near`. It has no value if `near` is only noise.
     pub noise: Ratio,
-    /// The relative error of `near` against the matrix, if it is known.
+    /// The relative error of `near`, computed from the true matrix if it is known.
     pub error: Option<f64>,
 }
 
@@ -95,14 +95,14 @@ pub struct NearFar {
 pub struct NearFarOptions {
     /// `σ` in pixels.
     pub sigma: f64,
-    /// Photos of random patterns per channel.
+    /// Number of photos of random patterns per channel.
     pub photos: usize,
     /// Seed of the random patterns.
     pub seed: u64,
 }
 
-/// Probes the near part of `light`, each channel's global light under white. `global` holds operators of that light (`n × n`),
-/// and `matrices` the true ones, if known.
+/// Probes the near part of `light`, which is the global light of each channel under white. `global` holds the operators of the global light
+/// (`n × n`), and `matrices` holds their true matrices, if known.
 pub fn near_far<O: Operator>(
     global: &mut [O],
     resolution: Resolution,

@@ -1,12 +1,13 @@
 //! Separation by shifted patterns of high spatial frequency.
 //!
-//! Under a half-lit pattern that alternates faster than global light varies, a pixel sees `y = D p + G/2`, where `p` is the pattern at the
-//! pixel itself. Least squares over the shifts gives `D` as the slope of `y` over `p`, and `G` as twice the intercept. For two-valued
-//! patterns this is Nayar's `max − min`.
+//! If a pattern lights half of all pixels and alternates faster than global light varies, a pixel sees `y = D p + G/2`, where `p` is the
+//! pattern's value at the pixel. Least squares over the shifts gives `D` as the slope of `y` over `p`, and `G` as twice the intercept. For
+//! patterns of two values, this is Nayar's `max − min`.
 //!
-//! The residuals around the line are noise, and global light that does follow the pattern. Their mean square `s²` (over the photos less
-//! two) gives the standard errors `s/√Σ(p − p̄)²` of `D` and `2 s √(1/m + p̄²/Σ(p − p̄)²)` of `G`. They do not cover global light that
-//! follows the pattern as direct light does, namely light from a pixel's own surroundings within a square.
+//! The residuals around the line are noise, and global light that varies with the pattern. Their mean square `s²` (the sum of squares
+//! divided by the number of photos minus two) gives the standard errors `s/√Σ(p − p̄)²` of `D` and `2 s √(1/m + p̄²/Σ(p − p̄)²)` of `G`.
+//! They do not cover global light that follows the pattern as direct light does, which comes from the surroundings of a pixel within a
+//! square.
 
 use crate::analysis::separate::Separation;
 use crate::error::{Error, Result};
@@ -14,8 +15,8 @@ use crate::image::Resolution;
 use crate::measure::{checkerboard, code_patterns};
 use crate::operator::{Operator, check_square, each_product};
 
-/// Separates with `shifts²` photos of checkerboards by `operator` (`n × n`, all light). The squares have a side of `square` pixels and are
-/// shifted in steps of `2·square/shifts` pixels in both directions. Nayar et al. take 5² photos with squares of 3 or more pixels.
+/// Separates with `shifts²` photos of checkerboards by `operator` (`n × n`, all light). The squares have a side of `square` pixels. They
+/// are shifted in steps of `2·square/shifts` pixels in both directions. Nayar et al. take 5² photos with squares of 3 or more pixels.
 ///
 /// # Errors
 /// [`Error::Option`] for an invalid `square` or `shifts`; [`Error::Dimension`] if sizes differ; any error of the operator.
@@ -36,8 +37,8 @@ pub fn checkerboards(
     Ok(fit.separation())
 }
 
-/// Separates with `2·phases` photos by `operator` (`n × n`) of sinusoids with a period of `period` pixels at `phases` evenly spaced phases,
-/// along rows and along columns.
+/// Separates with `2·phases` photos of sinusoids by `operator` (`n × n`, all light). The sinusoids have a period of `period` pixels and
+/// `phases` evenly spaced phases, along rows and along columns.
 ///
 /// # Errors
 /// [`Error::Option`] for a period below 2 pixels or fewer than 3 phases; [`Error::Dimension`] if sizes differ; any error of the operator.
@@ -60,7 +61,7 @@ pub fn sinusoids(
     Ok(fit.separation())
 }
 
-/// Refuses squares that cannot be shifted to this number of places.
+/// Refuses squares that cannot be shifted to this number of positions.
 pub(super) fn check_checkerboards(square: usize, shifts: usize) -> Result<()> {
     if square == 0 || shifts < 2 || shifts > 2 * square {
         return Err(Error::option(
@@ -106,11 +107,12 @@ struct Sums {
 }
 
 impl Sums {
-    /// `D`, `G` and their standard errors from `count` photos.
+    /// Returns `D`, `G` and their standard errors from `count` photos.
     fn line(&self, count: f64) -> [f64; 4] {
         let spread = self.pp - self.p * self.p / count;
         if spread <= 1e-9 * count {
-            // If the pattern never changed, nothing can be separated. All light counts as direct, and all of it may be wrong.
+            // If the pattern never changed, nothing can be separated. All light then counts as direct, with an equally large standard
+            // error.
             let direct = self.y / self.p.max(f64::MIN_POSITIVE);
             return [direct, 2.0 * (self.y - direct * self.p) / count, direct.abs(), direct.abs()];
         }
@@ -166,13 +168,13 @@ impl LineFit {
     }
 }
 
-// Separation by codes ([`crate::measure::code_patterns`]): each pixel is lit in half of the photos, near pixels by different codes.
+// Separation by codes ([`crate::measure::code_patterns`]): each pixel is lit in half of the photos, and near pixels have different codes.
 //
 // Light from a pixel with another code cancels. Light from pixels with the same code does not cancel and is an error of the direct light.
-// Pixels with other codes send light of the same size, which shows in the residuals, so that the standard errors include it. The patterns
-// change from pixel to pixel, so projector and camera have to be in focus.
+// Pixels with other codes send light of the same size, which appears in the residuals, so the standard errors include it. The patterns
+// change from pixel to pixel, so projector and camera must be in focus.
 
-/// Separates with `photos` photos, a power of two and at least 4, by `operator` (`n × n`, all light).
+/// Separates with `photos` photos of codes by `operator` (`n × n`, all light). `photos` is a power of two and at least 4.
 ///
 /// # Errors
 /// [`Error::Option`] for another number of photos; [`Error::Dimension`] if sizes differ; any error of the operator.
@@ -183,7 +185,7 @@ pub fn codes(operator: &mut dyn Operator, resolution: Resolution, photos: usize)
     Ok(fit.separation())
 }
 
-/// Refuses a number of photos that is not a whole set of codes.
+/// Refuses a number of photos that does not make a complete set of codes.
 pub(super) fn check_codes(photos: usize) -> Result<()> {
     if !(photos.is_power_of_two() && (4..=1 << 16).contains(&photos)) {
         return Err(Error::option(
@@ -201,7 +203,7 @@ mod tests {
     use crate::krylov::dot;
     use crate::operator::{Closure, Symmetry};
 
-    /// `diag(d) + u uᵀ/n` with `u` of ones: constant global light, as the method assumes.
+    /// `diag(d) + u uᵀ/n`, where all entries of `u` are 1: constant global light, as the method assumes.
     struct Even;
 
     impl Operator for Even {
@@ -232,7 +234,7 @@ mod tests {
         let found = [
             checkerboards(&mut Even, resolution, 1, 2)?,
             checkerboards(&mut Even, resolution, 2, 4)?,
-            // The periods divide the raster, so each wave is half lit on average.
+            // The periods divide the raster, so each wave lights half of the pixels on average.
             sinusoids(&mut Even, resolution, 4.0, 3)?,
         ];
         for (separation, photos) in found.iter().zip([4, 16, 6]) {
@@ -240,7 +242,7 @@ mod tests {
             for i in 0..96 {
                 assert!((separation.direct[i] - 1.0 - i as f64).abs() < 1e-12, "direct at {i}");
                 assert!((separation.global[i] - 1.0).abs() < 1e-10, "global at {i}");
-                // The photos lie on the line, up to the rounding of squares: the root of 1e-16 × 96².
+                // The photos lie on the line, up to the rounding of squares, which is the root of 1e-16 × 96².
                 let errors = [&separation.standard_error, &separation.global_error];
                 assert!(errors.iter().all(|of| of.as_ref().is_some_and(|of| of[i] < 1e-5)), "errors at {i}");
             }
@@ -253,7 +255,7 @@ mod tests {
         Ok(())
     }
 
-    /// The same light with noise of a standard deviation of 0.5 in each pixel of each photo.
+    /// The light of `Even`, with noise of a standard deviation of 0.5 in each pixel of each photo.
     struct Noisy(u64);
 
     impl Operator for Noisy {
@@ -294,8 +296,8 @@ mod tests {
             squares[1] += global.zip(&errors[1]).map(square).sum::<f64>();
         }
         for square in squares {
-            // Student's t of 14 degrees of freedom has the variance 14/12. Its rms over 4800 draws is known to 1.2 %; four such are
-            // allowed.
+            // Student's t of 14 degrees of freedom has the variance 14/12. Its rms over 4800 draws has a standard deviation of 1.2 %, and
+            // four of these deviations are allowed.
             let rms = (square / (96 * runs) as f64).sqrt();
             assert!((rms - (14.0_f64 / 12.0).sqrt()).abs() < 0.05, "{rms}");
         }
@@ -304,7 +306,7 @@ mod tests {
 
     const SIZE: Resolution = Resolution { width: 14, height: 12 };
 
-    /// Direct light, light between neighbours, and light of the same strength from everywhere.
+    /// Under white, direct light of 1 or more, light of 0.2 from each neighbour, and even light of 1 from all pixels together.
     fn seen(x: &[f64], y: &mut [f64]) {
         let even = x.iter().sum::<f64>() / x.len() as f64;
         for (pixel, y) in y.iter_mut().enumerate() {
@@ -343,7 +345,8 @@ mod tests {
         let found = separated(16)?;
         assert_eq!(found.photos, 16);
         let [error, stated] = off(&found);
-        // Each of four neighbours sends 0.2, which cancels. The even light is 1 from 168 pixels: 0.006 each from some 11 with equal codes.
+        // Each of four neighbours sends 0.2, which cancels. The even light is 1 from 168 pixels: 0.006 each from about 11 pixels with equal
+        // codes.
         assert!(error < 0.03 && error < 3.0 * stated, "{error}, stated {stated}");
         Ok(())
     }

@@ -7,18 +7,15 @@ use crate::krylov::completeness::Status;
 use crate::krylov::linear::{Advance, Recurrence, SolveOptions, Solver, System, ended};
 use crate::operator::Adjoint;
 
-/// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by
-/// `x ← clip(x + (b − A x) / D)`.
+/// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by `x ← clip(x + (b − A x) / D)`.
 ///
-/// The method takes one product per iteration and needs neither transpose nor symmetry. For a non-negative
-/// symmetric `A` with `D = A 1`, the step is a contraction where direct light dominates. At its fixed point
-/// the signs of `b − A x` fit the bounds, but the signs of `Aᵀ(b − A x)` need not. So it ends near the
-/// least-squares optimum but not at it, and may pass a better point. The best iterate is returned. The method
-/// stores seven `n`-vectors: `b, x`, the best `x`, `r, D`, the next `x` and a product.
+/// The method takes one product per iteration and needs neither transpose nor symmetry. For a non-negative symmetric `A` with `D = A 1`,
+/// the step is a contraction where direct light dominates. At its fixed point the signs of `b − A x` fit the bounds, but the signs of
+/// `Aᵀ(b − A x)` need not. The method therefore ends near the least-squares optimum but not at it, and may pass a better point. The best
+/// iterate is returned. The method stores seven `n`-vectors: `b, x`, the best `x`, `r, D`, the next `x` and a product.
 ///
-/// References: Projected Richardson iteration with diagonal scaling; Bertsekas and Tsitsiklis, *Parallel and
-/// Distributed Computation*, section 3.3 (1989). Its use for compensation: Grossberg, Peri, Nayar and
-/// Belhumeur (2004), doi:10.1109/CVPR.2004.1315065.
+/// References: Projected Richardson iteration with diagonal scaling; Bertsekas and Tsitsiklis, *Parallel and Distributed Computation*,
+/// section 3.3 (1989). Its use for compensation: Grossberg, Peri, Nayar and Belhumeur (2004), doi:10.1109/CVPR.2004.1315065.
 pub struct ProjectedJacobi {
     boxed: Boxed,
     next: Vec<f64>,
@@ -29,9 +26,8 @@ impl ProjectedJacobi {
     /// `diagonal` of the options; without `diagonal` the first product is `A 1`.
     ///
     /// # Errors
-    /// [`Error::Dimension`](crate::Error::Dimension) if lengths differ,
-    /// [`Error::Numerical`](crate::Error::Numerical) for NaN, [`Error::Option`](crate::Error::Option) for a
-    /// preconditioner or an empty box.
+    /// [`Error::Dimension`](crate::Error::Dimension) if lengths differ, [`Error::Numerical`](crate::Error::Numerical) for NaN,
+    /// [`Error::Option`](crate::Error::Option) for a preconditioner or an empty box.
     pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let (system, boxed) = Boxed::new("projected Jacobi", b, options)?;
         Ok(Solver::new(system, Self { boxed, next: vec![0.0; b.len()] }))
@@ -58,13 +54,12 @@ impl Recurrence for ProjectedJacobi {
     }
 }
 
-/// MRNSD: minimizes `½ ‖A x − b‖²` over `x ≥ 0`, for any square `A` of `n × n` with its transpose. It uses
-/// steepest descent in the metric of `1/x`, which keeps `x > 0`. It serves as a baseline.
+/// MRNSD: minimizes `½ ‖A x − b‖²` over `x ≥ 0`, for any square `A` of `n × n` with its transpose. The method is steepest descent in the
+/// metric of `1/x`, which keeps `x > 0`. It serves as a baseline.
 ///
-/// `‖r‖` falls monotonically. An iteration takes two products, `Aᵀ r` and `A s`. The method respects only
-/// `x ≥ 0` and ignores the bounds of the options. It starts from `x0`, or from `b / D`, with entries raised
-/// to be positive. The method stores seven `n`-vectors: `b, x`, the best `x`, `r, D`, a direction and a
-/// product.
+/// `‖r‖` falls monotonically. An iteration takes two products, `Aᵀ r` and `A s`. The method respects only `x ≥ 0` and ignores the bounds of
+/// the options. It starts from `x0`, or from `b / D`, and raises small entries of this start, so that all are positive. The method stores
+/// seven `n`-vectors: `b, x`, the best `x`, `r, D`, a direction and a product.
 ///
 /// References: Kaufman (1993), doi:10.1109/42.232243; Nagy and Strakoš (2000), doi:10.1117/12.402439.
 pub struct Mrnsd {
@@ -76,9 +71,8 @@ pub struct Mrnsd {
 }
 
 impl Mrnsd {
-    /// Makes the state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the
-    /// options; without `diagonal` the first product is `A 1`. Fails with the errors of
-    /// [`ProjectedJacobi::solver`](crate::krylov::boxed::ProjectedJacobi::solver).
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the options; without `diagonal` the first
+    /// product is `A 1`. Fails with the errors of [`ProjectedJacobi::solver`](crate::krylov::boxed::ProjectedJacobi::solver).
     pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
         let (system, boxed) = Boxed::new("MRNSD", b, &options)?;
@@ -86,7 +80,7 @@ impl Mrnsd {
     }
 }
 
-/// Raises entries of the first iterate to a share of the largest, because an entry that is zero stays zero.
+/// Raises small entries of the first iterate to a share of the largest entry, because an entry that is zero stays zero.
 fn make_positive(x: &mut [f64]) {
     let largest = x.iter().copied().fold(0.0, f64::max);
     let floor = if largest > 0.0 { 1e-3 * largest } else { 1.0 };
@@ -137,12 +131,11 @@ impl Recurrence for Mrnsd {
 /// The image space reconstruction algorithm: minimizes `‖A x − b‖` over `x ≥ 0`, for a square `A ≥ 0` of
 /// `n × n` with its transpose and `b ≥ 0`, by `x ← x ∘ (Aᵀb) / (AᵀA x)`. It serves as a baseline.
 ///
-/// `‖r‖` falls monotonically for non-negative `A` and `b`. The method first takes one product with `Aᵀ`, then
-/// two per iteration, `A x` and `Aᵀ(A x)`. It respects only `x ≥ 0` and ignores the bounds of the options.
-/// The method stores eight `n`-vectors: `b, x`, the best `x`, `r, D, Aᵀb, A x` and a product.
+/// `‖r‖` falls monotonically for non-negative `A` and `b`. The method first takes one product with `Aᵀ`, and then two products per
+/// iteration, `A x` and `Aᵀ(A x)`. It respects only `x ≥ 0` and ignores the bounds of the options. The method stores eight `n`-vectors:
+/// `b, x`, the best `x`, `r, D, Aᵀb, A x` and a product.
 ///
-/// References: Daube-Witherspoon and Muehllehner (1986), doi:10.1109/TMI.1986.4307748; Lee and Seung's
-/// updates (2001) for one factor.
+/// References: Daube-Witherspoon and Muehllehner (1986), doi:10.1109/TMI.1986.4307748; Lee and Seung's updates (2001) for one factor.
 pub struct Multiplicative {
     boxed: Boxed,
     /// `Aᵀ b` with negative entries replaced by 0; empty until it is known.
@@ -152,9 +145,8 @@ pub struct Multiplicative {
 }
 
 impl Multiplicative {
-    /// Makes the state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the
-    /// options; without `diagonal` the first product is `A 1`. Fails with the errors of
-    /// [`ProjectedJacobi::solver`](crate::krylov::boxed::ProjectedJacobi::solver).
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the options; without `diagonal` the first
+    /// product is `A 1`. Fails with the errors of [`ProjectedJacobi::solver`](crate::krylov::boxed::ProjectedJacobi::solver).
     pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
         let (system, boxed) = Boxed::new("multiplicative updates", b, &options)?;

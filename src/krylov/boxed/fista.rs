@@ -14,21 +14,19 @@ use crate::operator::Adjoint;
 /// x⁺ = clip(y − (L D)⁻¹ Aᵀ(A y − b)),    y⁺ = x⁺ + (t − 1)/t⁺ · (x⁺ − x)
 /// ```
 ///
-/// The method converges to the constrained optimum. It takes two products per iteration, `A x` and `Aᵀ r`
-/// (for a symmetric operator both are products with `A`); `A y` follows from the photos of `x` by linearity.
-/// For a non-negative symmetric `A` with `D = A 1`, `L = max D` is a bound, since `D^-½ A D^-½` has norm 1.
-/// If a product shows that `L` is too small, it is doubled. The momentum is dropped when it points uphill.
-/// The method stores eleven `n`-vectors: `b, x`, the best `x`, `r, D, y`, the last `x`, two residuals and two
-/// work vectors.
+/// The method converges to the constrained optimum. It takes two products per iteration, `A x` and `Aᵀ r` (for a symmetric operator both
+/// are products with `A`); `A y` follows from the photos of `x` by linearity. For a non-negative symmetric `A` with `D = A 1`, `L = max D`
+/// is a bound, because `D^-½ A D^-½` has norm 1. If a product shows that `L` is too small, the method doubles `L`. The momentum is reset
+/// when it points uphill. The method stores eleven `n`-vectors: `b, x`, the best `x`, `r, D, y`, the last `x`, two residuals and two work
+/// vectors.
 ///
-/// References: Beck and Teboulle (2009), doi:10.1137/080716542; restart: O'Donoghue and Candès (2015),
-/// doi:10.1007/s10208-013-9150-3.
+/// References: Beck and Teboulle (2009), doi:10.1137/080716542; restart: O'Donoghue and Candès (2015), doi:10.1007/s10208-013-9150-3.
 pub struct Fista {
     boxed: Boxed,
     y: Vec<f64>,
     /// `b − A y`, and later `Aᵀ (b − A y)`.
     gradient: Vec<f64>,
-    /// The residual `b − A x` of the previous iterate, and that iterate.
+    /// The residual `b − A x` of the previous iterate, and the previous iterate.
     r_old: Vec<f64>,
     x_old: Vec<f64>,
     scratch: Vec<f64>,
@@ -67,7 +65,8 @@ impl Fista {
             momentum = (self.t - 1.0) / t;
             self.t = t;
             if norm(&system.r) > norm(&self.r_old) {
-                // Uphill: the function scheme of O'Donoghue and Candès, which costs no product here.
+                // The last step went uphill, so the momentum is reset (the function scheme of O'Donoghue and Candès, which costs no product
+                // here).
                 self.t = 1.0;
                 momentum = 0.0;
             }

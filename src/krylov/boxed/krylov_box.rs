@@ -1,4 +1,4 @@
-//! Krylov-box, a Krylov method with bounds, and the box problem of its model.
+//! Krylov-box, a Krylov method with bounds, and the solver of its box problem (the least-squares problem of its model inside the box).
 
 use std::sync::Arc;
 
@@ -14,16 +14,17 @@ use crate::operator::{Adjoint, Symmetry};
 /// Krylov-box: solves `min ‖b − A x‖₂` over the box, for any square `A` of `n × n`, by a model of `A` that every product improves.
 ///
 /// The model `M` agrees with all products so far, and is otherwise as near as possible to a multiple `θ D` of the diagonal. Each step
-/// solves the box problem for the model (dense work, no product) and photographs the answer `z`. It then moves to the best point between
-/// `x` and `z`; the residual there follows by linearity. If this gains less than a thousandth, the next step photographs the residual `r`.
-/// A symmetric model that knows `A r` knows the true gradient at `x`, so the method rests only at the true optimum.
+/// solves the box problem for the model (dense work, no product) and photographs its solution `z`. The step then moves to the best point
+/// between `x` and `z`, whose residual follows by linearity. If this move reduces the residual by less than a thousandth, the next step
+/// photographs the residual `r`. A symmetric model that knows `A r` knows the true gradient at `x`, so the method stops only at the true
+/// optimum.
 ///
-/// The method takes one product per step. `‖r‖` falls monotonically. Every iterate is inside the box; the first is scaled to the best
-/// brightness. It needs no transpose. For an operator that is not symmetric the model is Broyden's, and the method may rest away from the
-/// optimum; [`SolveOptions::surrogate`], which has a transpose, brings it nearer. All patterns are inside the box, except residuals, which
-/// are signed. The method ends when the model knows `A r` and predicts no gain beyond `rtol`. After `k` products the method stores `2k`
-/// `n`-vectors (two more for a white photo in the options); `b, x`, the best `x`, `r, D, D^½`, the candidate, a product and four work
-/// vectors (five for an operator that is not symmetric).
+/// The method takes one product per step and needs no transpose. `‖r‖` falls monotonically. Every iterate is inside the box, and the first
+/// iterate is scaled to the best brightness. For an operator that is not symmetric, the model is Broyden's, and the method may stop away
+/// from the optimum. A [`SolveOptions::surrogate`], which has a transpose, then reduces the distance to the optimum. All patterns are
+/// inside the box, except residuals, which are signed. The method ends when the model knows `A r` and predicts no gain beyond `rtol`. After
+/// `k` products the method stores `2k` `n`-vectors (two more for a white photo in the options); `b, x`, the best `x`, `r, D, D^½`, the
+/// candidate, a product and four work vectors (five for an operator that is not symmetric).
 ///
 /// References: The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for all pairs at once:
 /// Dennis and Moré (1977), doi:10.1137/1019005. Minimal residuals over all products taken: Eirola and Nevanlinna (1989),
@@ -36,9 +37,9 @@ pub struct KrylovBox {
     next: Next,
     rtol: f64,
     surrogate: Option<Arc<dyn Surrogate>>,
-    /// The number of products to allocate memory for.
+    /// The number of products for which memory is allocated.
     capacity: usize,
-    /// True if the model knows `A r` of the current residual.
+    /// True if the model knows the product `A r` with the current residual `r`.
     gradient_known: bool,
 }
 
@@ -46,24 +47,24 @@ pub struct KrylovBox {
 enum Next {
     /// Photograph the first iterate.
     Start,
-    /// Solve the model's box problem, and photograph the answer.
+    /// Solve the model's box problem, and photograph its solution.
     Plan,
-    /// Photograph the model's answer, which is in `candidate`.
+    /// Photograph the solution of the model's box problem, which is in `candidate`.
     Candidate,
     /// Photograph the residual.
     Residual,
 }
 
-/// After a step that gains less than this share of the residual, the residual is photographed.
+/// If a step reduces the residual by less than this share, the next step photographs the residual.
 const GAIN: f64 = 1e-3;
 
-/// The same share with a surrogate, which contributes most of its knowledge at once.
+/// The value of [`GAIN`] with a surrogate, which contributes most of its knowledge in the first steps.
 const SURROGATE_GAIN: f64 = 1e-2;
 
 impl KrylovBox {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper`, `diagonal`, `surrogate` and `rtol` of
-    /// the options. Without `diagonal` the first product is `A 1`. A `diagonal` in the options must be `A 1`, because it is used as a
-    /// photo.
+    /// the options. Without `diagonal` the first product is `A 1`. A `diagonal` in the options must be `A 1`, because the model learns it
+    /// as a photo.
     ///
     /// # Errors
     /// The errors of [`ProjectedJacobi::solver`](crate::krylov::boxed::ProjectedJacobi::solver); [`Error::Dimension`] if the surrogate has
@@ -130,7 +131,7 @@ impl Recurrence for KrylovBox {
             self.next = if predicted <= residual * (1.0 - self.rtol.max(f64::EPSILON)) {
                 Next::Candidate
             } else if self.gradient_known {
-                // Only a symmetric model has the true gradient.
+                // Only a symmetric model knows the true gradient.
                 return ended(if symmetric { Status::ConstrainedOptimum } else { Status::Stalled });
             } else {
                 Next::Residual
@@ -173,26 +174,27 @@ impl Recurrence for KrylovBox {
     }
 }
 
-/// The most iterations; the loop ends earlier when the iterate settles.
+/// The largest number of iterations. The loop ends earlier when the iterate settles.
 const ITERATIONS: usize = 400;
 
-/// The relative step at which the iteration ends. The iterate is photographed next, and the photo corrects larger errors than this.
+/// The iteration ends at a relative step below this value. The iterate is photographed next, and the photo corrects larger errors.
 const SETTLED: f64 = 1e-6;
 
-/// The most steps of a power iteration.
+/// The largest number of steps of a power iteration.
 const POWERS: usize = 12;
 
-/// The norms of a power iteration only grow. If they grow by no more than this factor, the margin covers the rest.
+/// A power iteration ends when its norm grows by at most this factor per step. Norms never fall, and [`MARGIN`] covers their further
+/// growth.
 const GROWTH: f64 = 1.001;
 
-/// The factor on the estimate of a few power iterations.
+/// The factor by which the estimate of a power iteration is increased, to become a bound.
 const MARGIN: f64 = 1.1;
 
-/// The weight of Nesterov's momentum, from iteration to iteration.
+/// The weight of Nesterov's momentum. It changes in each iteration.
 struct Momentum(f64);
 
 impl Momentum {
-    /// Returns the next weight; `uphill` restarts the momentum.
+    /// Returns the next weight. If the last step went `uphill`, the momentum restarts.
     fn next(&mut self, uphill: bool) -> f64 {
         if uphill {
             self.0 = 1.0;
@@ -205,7 +207,7 @@ impl Momentum {
 }
 
 impl SecantModel {
-    /// `x ← argmin ‖M x − b‖` over the box, from `x`. Returns `‖M x − b‖`.
+    /// `x ← argmin ‖M x − b‖` over the box, starting from `x`. Returns `‖M x − b‖`.
     fn minimize(&mut self, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
         // The work vectors are moved out, because the model is borrowed meanwhile.
         let mut work = std::mem::take(&mut self.work);
@@ -222,8 +224,7 @@ impl SecantModel {
         predicted
     }
 
-    /// Minimizes with a symmetric model, and reads patterns and products once per iteration. All vectors are in the coordinates
-    /// `u = D^½ x`.
+    /// Minimizes with a symmetric model. Reads patterns and products once per iteration. All vectors are in the coordinates `u = D^½ x`.
     fn minimize_symmetric(&self, work: &mut WorkVectors, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
         let WorkVectors { u, y: before, g: constant, dominant, .. } = work;
         let lipschitz = self.lipschitz_symmetric(dominant, before);
@@ -259,8 +260,9 @@ impl SecantModel {
         predicted
     }
 
-    /// A bound on `‖D^½ M̂‖²`: the estimate of a few power iterations, plus ten percent. The iterations continue from the vector `u` of the
-    /// previous model, because one more photo changes it little. The first time they begin from the white pattern. `v` is overwritten.
+    /// A bound on `‖D^½ M̂‖²`: the estimate of a few power iterations, plus ten percent. The iterations start from `u`, the final vector
+    /// for the previous model, because one more photo changes it little. If `u` is zero, they start from the white pattern. `v` is
+    /// overwritten.
     fn lipschitz_symmetric(&self, u: &mut Vec<f64>, v: &mut Vec<f64>) -> f64 {
         let mut length = norm(u);
         if length == 0.0 {
@@ -289,7 +291,7 @@ impl SecantModel {
         MARGIN * square.max(self.outside())
     }
 
-    /// The square of the factor on vectors outside the span, which the model multiplies by `θ`.
+    /// A bound on `‖D^½ M̂‖²` for vectors outside the span of the patterns, which the model `M̂` multiplies by `θ`.
     fn outside(&self) -> f64 {
         let largest = self.root.iter().copied().fold(0.0, f64::max);
         (self.theta * largest).powi(2)
@@ -326,7 +328,7 @@ impl SecantModel {
         norm(image)
     }
 
-    /// Computes the bound of [`SecantModel::lipschitz_symmetric`], always from the white pattern. Overwrites its arguments.
+    /// Computes the same bound as [`SecantModel::lipschitz_symmetric`], but always starts from the white pattern. Overwrites its arguments.
     fn lipschitz_general(&self, v: &mut [f64], image: &mut [f64], g: &mut [f64]) -> f64 {
         v.copy_from_slice(&self.root);
         let mut square = 0.0_f64;

@@ -1,9 +1,9 @@
-//! Least squares inside a box, `min ‖b − A x‖₂` over `lower ≤ x ≤ upper`: a projector shows values in [0, 1].
+//! Least squares inside a box, `min ‖b − A x‖₂` over `lower ≤ x ≤ upper`. The box is needed because a projector shows values in [0, 1].
 //!
-//! An unconstrained solution that is clamped afterwards can be worse than no solution, so each method here respects the bounds.
-//! [`ProjectedJacobi`] is the baseline and costs one product per iteration. [`Fista`] is the accelerated projected gradient (two products,
-//! as the gradient is `Aᵀ(A x − b)`). [`KrylovBox`] learns a model of the operator from all products so far. [`Mrnsd`] and
-//! [`Multiplicative`] only keep `x ≥ 0`, and serve for comparison.
+//! An unconstrained solution that is clamped afterwards can be worse than no solution, so each method here respects bounds.
+//! [`ProjectedJacobi`] is the baseline and costs one product per iteration. [`Fista`] is the accelerated projected gradient and costs two
+//! products per iteration, because the gradient is `Aᵀ(A x − b)`. [`KrylovBox`] learns a model of the operator from all products so far.
+//! [`Mrnsd`] and [`Multiplicative`] only keep `x ≥ 0`, and serve for comparison.
 
 mod baselines;
 mod fista;
@@ -22,7 +22,7 @@ pub use fista::Fista;
 pub use krylov_box::KrylovBox;
 pub use model::Surrogate;
 
-/// `[lower, upper]` for each entry.
+/// The bounds `[lower, upper]` of each entry.
 #[derive(Clone, Copy)]
 struct Bounds {
     lower: f64,
@@ -35,12 +35,12 @@ impl Bounds {
     }
 }
 
-/// A diagonal entry below this share of the largest belongs to a pixel without light. It is raised to this share, because steps would
-/// otherwise be unbounded there.
+/// A diagonal entry below this share of the largest entry belongs to a pixel without light. The entry is raised to this share, because
+/// steps would otherwise be unbounded at this pixel.
 const DARK: f64 = 1e-3;
 
-/// The most powers of two between the right-hand side and the products of the patterns in the box. Even at ratios far below this limit, no
-/// step changes a residual.
+/// The largest allowed ratio, as a power of two, of the right-hand side to the products of patterns in the box. Even at ratios far below
+/// this limit, no step changes a residual.
 const REACH: i32 = 200;
 
 /// The box of a least-squares problem, and the diagonal `D`. The first iterate is `x0` clipped, or `clip(b / D)`.
@@ -77,7 +77,8 @@ impl Boxed {
         Ok((system, boxed))
     }
 
-    /// Takes the white photo if `D` is not known yet: one product. Returns true if this call took it; it is then in `system.work`.
+    /// Takes the white photo if `D` is not known yet: one product. Returns true if this call took the photo, which is then in
+    /// `system.work`.
     fn take_diagonal(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<bool> {
         if !self.diagonal.is_empty() {
             return Ok(false);
@@ -88,7 +89,7 @@ impl Boxed {
         Ok(true)
     }
 
-    /// Sets `D`, divided like the products.
+    /// Sets `D`, which must be divided by the same power of two as the products.
     fn set_diagonal(&mut self, system: &mut System, mut diagonal: Vec<f64>) -> Result<()> {
         let largest = diagonal.iter().fold(0.0_f64, |largest, d| largest.max(d.abs()));
         if !largest.is_finite() || diagonal.iter().any(|d| d.is_nan()) {
@@ -106,12 +107,12 @@ impl Boxed {
     }
 
     /// Divides the right-hand side, the bounds and the first iterate so that products of patterns in the box are of ordinary size.
-    /// `largest` is the exponent of the largest entry of `D`, if there is any light.
+    /// `largest` is the exponent of the largest entry of `D`, and `is_light` is true if this entry is positive.
     fn divide(&mut self, system: &mut System, largest: i32, is_light: bool) -> Result<()> {
         let operator_power = system.tally.operator_power.unwrap_or(0);
         let image = |bound: f64| largest + operator_power + exponent(bound);
         let Bounds { lower, upper } = self.bounds;
-        // The magnitudes of the values in the box nearest to black and furthest from it.
+        // The smallest and the largest magnitude of the values in the box.
         let (least, most) = (lower.max(0.0).max(-upper), lower.abs().max(upper));
         let rhs = exponent(system.tally.rhs_norm) + system.rhs_power;
         let products = image(least).max(rhs.min(image(most)));
@@ -140,7 +141,8 @@ impl Boxed {
         }
     }
 
-    /// `x ← t x` with the best `t` that keeps `x` inside the box. By linearity, the product in `system.work` is also scaled by `t`.
+    /// `x ← t x` with the best `t` that keeps `x` inside the box. By linearity, the product `A x` in `system.work` is also multiplied by
+    /// `t`.
     fn brighten(&self, System { x, b, work, .. }: &mut System) {
         let Bounds { lower, upper } = self.bounds;
         let square = dot(work, work);
@@ -149,14 +151,14 @@ impl Boxed {
         }
         let (mut least, mut most) = (0.0_f64, f64::INFINITY);
         for &value in x.iter() {
-            // The values of t that put t · value on the two bounds, in ascending order.
+            // The two values of t for which t · value is at a bound, in ascending order.
             let [first, last] =
                 if value > 0.0 { [lower / value, upper / value] } else { [upper / value, lower / value] };
             if value != 0.0 {
                 (least, most) = (least.max(first), most.min(last));
             }
         }
-        // x is inside the box, so t = 1 is allowed, except for rounding.
+        // The vector x is inside the box, so t = 1 is always allowed, despite rounding.
         let t = (dot(b, work) / square).clamp(least.min(1.0), most.max(1.0));
         let bounds = self.bounds;
         x.iter_mut().for_each(|value| *value = bounds.clip(t * *value));

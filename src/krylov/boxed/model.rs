@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::sweep::InnerProducts;
 use crate::krylov::basis::{Basis, axpy, dot, norm, orthogonalize, update, update2};
 
-/// The model `M ≈ A`: `M x = A x` for every photographed `x`, and a multiple `θ D` of the diagonal on the rest of the space.
+/// The model `M ≈ A`: `M x = A x` for every photographed `x`, and a multiple `θ D` of the diagonal on the complement of these patterns.
 ///
 /// Let `Â = D^-½ A D^-½`, `V` be an orthonormal basis of the scaled patterns, `W = Â V` and `H = VᵀW`. The symmetric matrix that agrees
 /// with all products and is nearest to `θ I` in the Frobenius norm is
@@ -16,14 +16,14 @@ use crate::krylov::basis::{Basis, axpy, dot, norm, orthogonalize, update, update
 /// M̂ − Â = (I − VVᵀ)(θ I − Â)(I − VVᵀ)
 /// ```
 ///
-/// (Powell's symmetric Broyden formula for a block). Indirect or blurred light is smooth, so its part outside the patterns shown vanishes
-/// after a few of them. For a general `A` the nearest matrix is Broyden's, `θ I + (W − θV) Vᵀ`. `θ` is the Rayleigh quotient `vᵀ Â v` of
-/// the newest direction, an estimate for patterns not yet shown. In focus it is the direct share of the light; under defocus it falls
-/// towards zero. A surrogate `P` in the options replaces `θ I`, and the model is then Broyden's.
+/// (Powell's symmetric Broyden formula for a block). Indirect or blurred light is smooth, so its part outside the span of the shown
+/// patterns vanishes after a few patterns. For a general `A` the nearest matrix is Broyden's, `θ I + (W − θV) Vᵀ`. `θ` is the Rayleigh
+/// quotient `vᵀ Â v` of the newest direction `v`, an estimate for patterns not yet shown. In focus, `θ` is the direct share of the light;
+/// under defocus, it falls towards zero. A surrogate `P` in the options replaces `θ I`, and the model is then Broyden's.
 ///
-/// A surrogate is wrong in its finest details. A comparison with the products taken measures the error: `δ²` for each vector of norm 1
-/// ([`Corrected::missed_square`]). The model agrees with the products themselves, so its photo of `u` has an error of about
-/// `δ ‖(I − VVᵀ)u‖`. The method minimizes the square of the residual that is then expected,
+/// A surrogate is wrong in its finest details. A comparison with the products taken measures its error: `δ²` for each vector of norm 1
+/// ([`Corrected::missed_square`]). The model agrees with the products themselves, so its prediction of the photo of `u` has an error of
+/// about `δ ‖(I − VVᵀ)u‖`. The method minimizes the expected square of the residual, which includes this error:
 ///
 /// ```text
 /// ‖D^½ M̂ u − b‖² + δ² ‖(I − VVᵀ) u‖²
@@ -33,15 +33,15 @@ pub(super) struct SecantModel {
     pub(super) root: Vec<f64>,
     pub(super) patterns: Basis,
     pub(super) products: Basis,
-    /// `H`, by columns; symmetrized.
+    /// `H`, by columns, made symmetric.
     projected: Vec<Vec<f64>>,
     /// Inner products; only for a symmetric model.
     pub(super) gram: InnerProducts,
     pub(super) theta: f64,
     pub(super) symmetric: bool,
     pub(super) surrogate: Option<Corrected>,
-    /// `δ²`: the expected square of the difference between a product and the model's, for a vector of norm 1 outside the patterns. It is
-    /// measured by the error of the surrogate on the products taken; 0 without a surrogate.
+    /// `δ²`: the expected square of the difference between the true product and the model's product, for a vector of norm 1 outside the
+    /// span of the patterns. It is measured by the error of the surrogate on the products taken, and is 0 without a surrogate.
     pub(super) doubt: f64,
     pub(super) work: WorkVectors,
 }
@@ -51,7 +51,7 @@ pub(super) struct WorkVectors {
     pub(super) u: Vec<f64>,
     pub(super) y: Vec<f64>,
     pub(super) g: Vec<f64>,
-    /// The vector that a symmetric model's square multiplies most; zero before the first box problem. Empty for other models.
+    /// The vector that `(D^½ M̂)ᵀ D^½ M̂` of a symmetric model multiplies most; zero before the first box problem. Empty for other models.
     pub(super) dominant: Vec<f64>,
     /// Empty for a symmetric model.
     pub(super) next: Vec<f64>,
@@ -68,11 +68,11 @@ impl WorkVectors {
     }
 }
 
-/// A direction whose part outside the span is below this share of its norm is rounding error, and adds nothing.
+/// If the part of a direction outside the span is below this share of its norm, it is rounding error, and the direction is not added.
 const NEW: f64 = 1e-8;
 
 impl SecantModel {
-    /// Makes the model before any product, with memory for `products` products. A model with a surrogate is not symmetric.
+    /// Makes the model before any product is known, with memory for `products` products. A model with a surrogate is not symmetric.
     pub(super) fn new(
         diagonal: &[f64],
         symmetric: bool,
@@ -162,12 +162,13 @@ impl SecantModel {
         }
     }
 
-    /// `e = d − (H + θ) c`, the coefficients of `M̂ u` on the patterns, for `c = Vᵀu` and `d = Wᵀu`.
+    /// The coefficients `e = d − (H + θ) c` of `M̂ u` on the patterns, for `c = Vᵀu` and `d = Wᵀu`.
     pub(super) fn along_patterns(&self, c: &[f64], d: &[f64]) -> Vec<f64> {
         (0..c.len()).map(|i| d[i] - self.theta * c[i] - dot(&self.projected[i], c)).collect()
     }
 
-    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b) + δ² (I − VVᵀ) u`, the gradient of half of the objective, in `u = D^½ x`. `None` means `b = 0`.
+    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b) + δ² (I − VVᵀ) u`, the gradient of half of the objective with respect to `u = D^½ x`. `None` means
+    /// `b = 0`.
     pub(super) fn gradient(&self, u: &[f64], b: Option<&[f64]>, image: &mut [f64], g: &mut [f64]) {
         self.residual(u, b, image);
         update(image, &self.root, |r, s| r * s);
@@ -190,8 +191,8 @@ impl SecantModel {
     }
 }
 
-/// A family of `n × n` operators that cost no product; one of them approximates `A`. A preconditioner approximates the inverse. A surrogate
-/// approximates the operator itself, and provides a transpose to methods that take no products with `Aᵀ`.
+/// A family of `n × n` operators that cost no product. One member of the family approximates `A`. A preconditioner approximates the inverse
+/// of `A`; a surrogate approximates `A` itself, and provides a transpose to methods that take no products with `Aᵀ`.
 pub trait Surrogate: Send + Sync {
     /// The dimension `n`.
     fn size(&self) -> usize;
@@ -209,15 +210,15 @@ impl fmt::Debug for dyn Surrogate {
     }
 }
 
-/// The number of first products to which a surrogate is fitted. Later products correct it where it is wrong.
+/// The number of products to which a surrogate is fitted. Later products only correct it.
 const FITTED: usize = 16;
 
-/// A surrogate in scaled coordinates, `P̂ = D^-½ P D^-½`, corrected so that it agrees with all products: `P̂ + (W − P̂ V) Vᵀ`.
+/// A surrogate in scaled coordinates, `P̂ = D^-½ P D^-½`, and its correction `P̂ + (W − P̂ V) Vᵀ`, which agrees with all products.
 pub(super) struct Corrected {
     surrogate: Arc<dyn Surrogate>,
     patterns: Vec<Vec<f64>>,
     products: Vec<Vec<f64>>,
-    /// `W − P̂ V`; shorter than `V` until it is updated.
+    /// `W − P̂ V`. It has fewer columns than `V` until it is updated.
     excess: Basis,
 }
 
@@ -227,7 +228,7 @@ impl Corrected {
         Self { surrogate, patterns: Vec::new(), products: Vec::new(), excess }
     }
 
-    /// Adds the product `A x = y`.
+    /// Fits the surrogate to one more product `A x = y`.
     pub(super) fn learn(&mut self, x: &[f64], y: &[f64]) {
         if self.patterns.len() == FITTED {
             return;
@@ -248,8 +249,8 @@ impl Corrected {
         }
     }
 
-    /// The mean square of `D^½ (W − P̂ V)` per direction of `V`: the error of the surrogate, fitted to these products, for a product with a
-    /// vector of norm 1. The first direction is white and shows no details, so it is left out.
+    /// The mean square of `D^½ (W − P̂ V)` per direction of `V`. It measures the error of the fitted surrogate for a product with a vector
+    /// of norm 1. The first direction is white and shows no details, so it is left out.
     pub(super) fn missed_square(&self, root: &[f64]) -> f64 {
         let details = self.excess.columns().get(1..).unwrap_or_default();
         let square = |column: &Vec<f64>| column.iter().zip(root).map(|(e, s)| (e * s).powi(2)).sum::<f64>();

@@ -1,9 +1,10 @@
 //! Sweeps over a symmetric model: each iteration of the box problem reads its patterns and products once.
 //!
-//! A gradient of `½‖M x − b‖²` needs inner products with all patterns `V` and products `W`, and sums of them: two readings. But inner
-//! products are linear, and the next gradient belongs to a combination of the last two iterates. The sweep that makes an iterate therefore
-//! takes its inner products at once, while the rows of `V` and `W` are in the cache. The inner products of the combination follow from
-//! them. Apart from the two iterates, an iteration needs no vector as long as an image.
+//! A gradient of `½‖M x − b‖²` needs inner products with all patterns `V` and products `W`, and linear combinations of `V` and `W`.
+//! Computed separately, they read `V` and `W` twice. But inner products are linear, and the next gradient belongs to a combination of the
+//! last two iterates. The sweep that makes an iterate therefore also takes the inner products with this iterate, while the rows of `V` and
+//! `W` are in the cache. The inner products with the combination follow from the inner products with the iterates. Apart from the two
+//! iterates, an iteration needs no vector as long as an image.
 
 use super::model::SecantModel;
 use crate::krylov::basis::{dot, norm, norm_of_square, summed, update2};
@@ -18,7 +19,7 @@ struct Coefficients {
     e_next: Vec<f64>,
 }
 
-/// A row of a sweep: its index, and the values of `y` and `M̂ D M̂ y` there.
+/// A row of a sweep: its index, and the entries of `y` and `M̂ D M̂ y` in this row.
 pub(super) struct SweptRow {
     pub(super) index: usize,
     pub(super) y: f64,
@@ -74,8 +75,8 @@ impl SecantModel {
         Coefficients { c: y.c.clone(), e, c_next, e_next }
     }
 
-    /// Sweeps with `y = a u + b v`, whose coordinates are `of_y`, and overwrites `v` with the vector `z`. `finish` makes each row of `z`,
-    /// as `(z, g)` with a gradient. Reads patterns and products once.
+    /// Sweeps with `y = a u + b v`, whose coordinates are `of_y`, and overwrites `v` with a new vector `z`. `finish` computes an entry of
+    /// `z` and an entry of a gradient `g` from each row. Reads patterns and products once.
     pub(super) fn sweep(
         &self,
         (a, u): (f64, &[f64]),
@@ -110,7 +111,8 @@ impl SecantModel {
         }
     }
 
-    /// Computes `product ← M̂ D M̂ y` and `image ← M̂ y` for the rows of one block from `start`; `image` must hold `θ y` before.
+    /// Computes `product ← M̂ D M̂ y` and `image ← M̂ y` for the rows of one block from row `start`. `image` must hold `θ y` before the
+    /// call.
     fn product_of_rows(&self, of: &Coefficients, start: usize, image: &mut [f64], product: &mut [f64]) {
         for (basis, once, twice) in [(&self.products, &of.c, &of.c_next), (&self.patterns, &of.e, &of.e_next)]
         {
@@ -121,7 +123,7 @@ impl SecantModel {
         }
     }
 
-    /// `‖M x − b‖` for `x = D^-½ u`, whose coordinates are `of_u`. Reads patterns and products once; `work` is overwritten.
+    /// `‖M x − b‖` for `x = D^-½ u`, where `of_u` are the coordinates of `u`. Reads patterns and products once. `work` is overwritten.
     pub(super) fn misfit(&self, u: &[f64], of_u: &Coordinates, b: &[f64], work: &mut [f64]) -> f64 {
         let e = self.along_patterns(&of_u.c, &of_u.d);
         update2(work, u, b, |_, u, _| self.theta * u);
@@ -132,14 +134,15 @@ impl SecantModel {
     }
 }
 
-/// Finishes the rows of one block from `start`: `v ← z`. Returns its parts of the slope and of the squares of step and norm.
+/// Finishes the rows of one block, which begins at `start`: `v ← z`. Returns the block's contributions to the slope and to the squares of
+/// the step and the norm.
 fn finish_rows(
     start: usize,
     (u, v): (&[f64], &mut [f64]),
     (y, product): (&[f64], &[f64]),
     finish: &impl Fn(SweptRow) -> (f64, f64),
 ) -> [f64; 3] {
-    // Each value has four independent sums, which do not wait for one another.
+    // Each value has four independent sums, so that an addition does not wait for the addition before it.
     const LANES: usize = 4;
     let mut sums = [[0.0; LANES]; 3];
     for first in (0..u.len()).step_by(LANES) {
@@ -155,7 +158,7 @@ fn finish_rows(
     sums.map(|[a, b, c, d]| (a + b) + (c + d))
 }
 
-/// The inner products of a vector `u` that a model needs.
+/// The inner products of a vector `u` with the patterns `V` and the products `W` of a model.
 #[derive(Clone, Default)]
 pub(super) struct Coordinates {
     /// `Vᵀ u`.
@@ -188,8 +191,8 @@ impl Coordinates {
     }
 }
 
-/// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a [`SecantModel`]. With them, the coordinates of
-/// `M̂ D M̂ u` follow from the coordinates of `u`.
+/// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a [`SecantModel`]. They give the coordinates of
+/// `M̂ D M̂ u` from the coordinates of `u`.
 #[derive(Default)]
 pub(super) struct InnerProducts {
     vv: Vec<Vec<f64>>,
@@ -198,7 +201,7 @@ pub(super) struct InnerProducts {
 }
 
 impl InnerProducts {
-    /// Adds the last pattern and the last product with their coordinates.
+    /// Adds the last pattern and the last product, whose coordinates are given.
     pub(super) fn extend(&mut self, of_v: Coordinates, of_w: Coordinates) {
         append(&mut self.vv, of_v.c_weighted, None);
         append(&mut self.ww, of_w.d_weighted, None);
@@ -216,7 +219,8 @@ impl InnerProducts {
     }
 }
 
-/// Appends a column at the right and a row below. The row is `row`, whose last entry is the corner, or the column if `row` is `None`.
+/// Appends a column at the right and a row below. The row is `row`, which ends with the corner. If `row` is `None`, the row equals the
+/// column.
 fn append(matrix: &mut Vec<Vec<f64>>, column: Vec<f64>, row: Option<Vec<f64>>) {
     for (row, entry) in matrix.iter_mut().zip(&column) {
         row.push(*entry);

@@ -9,16 +9,17 @@ use crate::krylov::factor::{Factorization, PairStatus, RitzPair, Which, temple_k
 use crate::krylov::start::{seed_of, seeded};
 use crate::operator::{Operator, Symmetry};
 
-/// Confirms eigenpairs of a symmetric operator (`n × n`) that have all converged or reached the noise. It draws a Gaussian vector
-/// orthogonal to them and takes [`Confirm::steps`] products from there. If eigenvalues beyond the last one appear, they are inserted and
-/// another vector is drawn, until none appears. `options` are the options of the search. [`Eigs::confirming`] counts the products.
+/// Confirms eigenpairs of a symmetric operator (`n × n`) that have all converged or reached the noise. The function draws a Gaussian vector
+/// orthogonal to the eigenvectors, and takes [`Confirm::steps`] products of a process that starts from this vector. If eigenvalues beyond
+/// the last eigenvalue appear, the function inserts them and draws another vector, until no such eigenvalue appears. `options` are the
+/// options of the search. [`Eigs::confirming`] counts the products.
 ///
 /// The function takes no product and leaves `found` unchanged in three cases: the search did not end with all pairs, the operator is not
-/// symmetric, or the end is [`Which::SmallestMagnitude`], which is in the middle of the spectrum.
+/// symmetric, or the search was for [`Which::SmallestMagnitude`], whose values are inside the spectrum.
 ///
 /// # Errors
-/// [`crate::Error::Option`] naming `--confirm`; [`crate::Error::Interrupted`] if the observer stops it; the errors of
-/// [`crate::krylov::eigen::eigs()`]. `found` is then a valid answer that is not confirmed.
+/// [`crate::Error::Option`] naming `--confirm`; [`crate::Error::Interrupted`] if the observer stops the confirmation; the errors of
+/// [`crate::krylov::eigen::eigs()`]. `found` is then still valid, but not confirmed.
 pub fn confirm(
     operator: &mut dyn Operator,
     found: &mut Eigs,
@@ -53,9 +54,9 @@ struct Confirmation<'a> {
     operator: &'a mut dyn Operator,
     options: &'a EigsOptions,
     found: &'a mut Eigs,
-    /// The error of a product with a unit vector, if the operator does not state it.
+    /// The norm of the error of a product with a unit vector, for an operator that does not state its errors.
     noise: f64,
-    /// The most products, and the number so far.
+    /// The largest number of products, and the number of products so far.
     most: usize,
     products: usize,
     /// A lower bound of the norm of the operator.
@@ -77,7 +78,7 @@ impl Confirmation<'_> {
             Which::BothEnds => {
                 let of = |index: Option<usize>| index.and_then(|index| values.get(index)).copied();
                 let count = values.len();
-                // The values alternate between the ends, beginning with the largest.
+                // The values alternate between the ends of the spectrum, beginning with the largest.
                 [of((count / 2 * 2).checked_sub(1)), of(count.div_ceil(2).checked_sub(1).map(|top| 2 * top))]
             }
             _ => [None, last],
@@ -183,7 +184,7 @@ impl Confirmable for Confirmation<'_> {
         join(&mut found.vectors, new.vectors, &order);
         join(&mut found.imaginary_vectors, new.imaginary_vectors, &order);
         join(&mut found.statuses, new.statuses, &order);
-        // The gaps are smaller than a single process could know.
+        // The inserted values reduce the gaps, so the gap bounds are computed again from all values.
         for index in 0..found.values.len() {
             let others = (0..found.values.len()).filter(|other| *other != index);
             let gap = others
@@ -203,15 +204,15 @@ pub struct Beside {
     pub value: f64,
     /// The Ritz vector (`n`) of this value, of norm 1.
     pub vector: Vec<f64>,
-    /// An upper bound, given as the limit of a confirmed search.
+    /// An upper bound, in the form of the limit of a confirmed search.
     pub completeness: Completeness,
     /// The number of products taken.
     pub products: usize,
 }
 
 /// Finds the largest eigenvalue of a symmetric operator (`n × n`) on the complement of `known` vectors, from a Gaussian vector with this
-/// seed. By Courant and Fischer it bounds the `k+1`st eigenvalue for `k` known vectors, even if these are not exact. Returns `None` if the
-/// complement is empty or `confirm` allows too few products. Fails with the errors of [`confirm`].
+/// seed. By Courant and Fischer, this value bounds the `k+1`st eigenvalue of the operator for `k` known vectors, even if the known vectors
+/// are not exact. Returns `None` if the complement is empty or if `confirm` allows too few products. Fails with the errors of [`confirm`].
 pub fn largest_beside(
     operator: &mut dyn Operator,
     known: &[Vec<f64>],
@@ -249,7 +250,7 @@ pub fn largest_beside(
     Ok(Some(Beside { value, vector, completeness, products: process.products() }))
 }
 
-/// Appends new entries, and keeps the entries of these indices in their order.
+/// Appends the new entries, and then arranges all entries by the indices in `order`. Entries that `order` omits are dropped.
 fn join<T: Clone>(entries: &mut Vec<T>, new: Vec<T>, order: &[usize]) {
     entries.extend(new);
     *entries = order.iter().map(|&index| entries[index].clone()).collect();

@@ -17,7 +17,7 @@ use crate::operator::Operator;
 
 pub use confirm::{Beside, confirm, largest_beside};
 
-/// The method for eigenpairs.
+/// A method that finds eigenpairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EigsMethod {
     /// Power iteration, the paper's Algorithm 1: the pair of largest magnitude, for any operator. It serves as a baseline.
@@ -30,7 +30,7 @@ pub enum EigsMethod {
         /// The number of vectors in the block, at least 1. The method finds up to this many copies of an eigenvalue.
         block: usize,
     },
-    /// [`Factorization::arnoldi`], for any operator; it also finds complex pairs.
+    /// [`Factorization::arnoldi`], for any operator. It also finds complex pairs.
     Arnoldi,
 }
 
@@ -41,26 +41,26 @@ pub struct EigsOptions {
     pub count: usize,
     /// The wanted end of the spectrum. Default: the largest.
     pub which: Which,
-    /// The most products (ARPACK's `ncv`, without restarts). Default 50.
+    /// The largest number of products (ARPACK's `ncv`, without restarts). Default 50.
     pub products: usize,
-    /// The search ends when every residual norm `‖A y − θ y‖` is at most this share of `‖A‖`; 0 uses the whole budget. Default 1e-8.
+    /// The search ends when every residual norm `‖A y − θ y‖` is at most this share of `‖A‖`. 0 uses the whole budget. Default 1e-8.
     pub tolerance: f64,
     /// The method. Default: Lanczos.
     pub method: EigsMethod,
-    /// The most basis vectors to keep, not counting known vectors, by thick restarts (Lanczos and block Lanczos); at least
-    /// `count + 2 × block + 1`. Restarts slow convergence but take no product. Default: no restart.
+    /// The largest number of basis vectors to keep, without known vectors; at least `count + 2 × block + 1`. Lanczos and block Lanczos keep
+    /// this limit by thick restarts. Restarts slow convergence but take no product. Default: no restart.
     pub max_basis: Option<usize>,
     /// The norm of the error of a product with a vector of norm 1, for an operator that does not state its errors
     /// ([`Operator::standard_errors`]). The search ends when three conditions hold: all residuals are within the noise; more products would
     /// change no eigenvalue by more than its standard error; and `½ ln n` further products have found no eigenvalue that the noise had
-    /// hidden. A tolerance of 0 still uses the whole budget. Default 0.
+    /// hidden. If the tolerance is 0, the search still uses the whole budget. Default 0.
     pub noise: f64,
     /// The first vector, or the first block ([`Start::block`]). Default: random signs of seed 0.
     pub start: Start,
     /// Known eigenvectors to project out. Default none.
     pub deflate: Vec<Vec<f64>>,
-    /// The confirmation of the search by further products ([`confirm`](confirm())); Lanczos and block Lanczos only. With the default none,
-    /// the remaining products confirm only a search whose subspace became invariant before its end.
+    /// The confirmation of the search by further products ([`confirm`](confirm())); Lanczos and block Lanczos only. The default is `None`:
+    /// the remaining products confirm the search only if its subspace became invariant before its end.
     pub confirm: Option<Confirm>,
 }
 
@@ -91,24 +91,24 @@ pub struct Eigs {
     /// `k` eigenvectors of length `n` and norm 1 (their real parts). The entry of largest magnitude is positive. They are orthogonal for a
     /// symmetric operator.
     pub vectors: Vec<Vec<f64>>,
-    /// The imaginary parts of `k` eigenvectors (norm 1 together with the real part); empty for a real pair.
+    /// The imaginary parts of `k` eigenvectors; empty for a real pair. The real and imaginary parts together have norm 1.
     pub imaginary_vectors: Vec<Vec<f64>>,
     /// `‖A y − θ y‖` of each pair, from the products taken.
     pub residuals: Vec<f64>,
     /// The standard error of each value: [`RitzPair::standard_error`](crate::krylov::RitzPair::standard_error). It covers the noise of the
-    /// products, which the options give or the operator states, and the systematic errors that asymmetry of the products reveals. It is 0
-    /// if no error is known.
+    /// products, which the options give or the operator states, and the systematic errors that the asymmetry of the products reveals. It is
+    /// 0 if no error is known.
     pub standard_errors: Vec<f64>,
-    /// A bound on the distance from each value to an eigenvalue: [`RitzPair::bound`](crate::krylov::RitzPair::bound), rigorous for
-    /// symmetric operators.
+    /// A bound on the distance from each value to the nearest eigenvalue: [`RitzPair::bound`](crate::krylov::RitzPair::bound). It is
+    /// rigorous for symmetric operators.
     pub bounds: Vec<f64>,
-    /// A sharper bound on this distance by Temple and Kato, which holds under a condition:
-    /// [`RitzPair::gap_bound`](crate::krylov::RitzPair::gap_bound).
+    /// A sharper bound on this distance by Temple and Kato: [`RitzPair::gap_bound`](crate::krylov::RitzPair::gap_bound). It holds only if
+    /// the search has missed no eigenvalue within the gap.
     pub gap_bounds: Vec<f64>,
     /// The status of each pair.
     pub statuses: Vec<PairStatus>,
-    /// `‖H − Hᵀ‖_F / ‖H‖_F` of the operator on the subspace, see [`Factorization::asymmetry`]. Power
-    /// iteration does not measure it and returns 0.
+    /// `‖H − Hᵀ‖_F / ‖H‖_F` of the operator on the subspace (see [`Factorization::asymmetry`]). Power iteration does not measure the
+    /// asymmetry and returns 0.
     pub asymmetry: f64,
     /// A row for each product of this run.
     pub history: Vec<HistoryRow>,
@@ -116,7 +116,7 @@ pub struct Eigs {
     pub stats: Stats,
     /// The claim about eigenvalues that the search may have missed.
     pub completeness: Completeness,
-    /// The number of products that confirmed the search; `stats` includes them if the same call took them.
+    /// The number of products that confirmed the search. `stats` includes them if the same call took them.
     pub confirming: usize,
 }
 
@@ -125,7 +125,7 @@ pub struct Eigs {
 pub struct HistoryRow {
     /// The number of products so far.
     pub products: usize,
-    /// The wanted eigenvalues, the most wanted first. The first steps have fewer than requested.
+    /// The wanted eigenvalues, the most wanted first. In the first steps there are fewer values than requested.
     pub values: Vec<f64>,
     /// The residual norm `‖A y − θ y‖` of each value.
     pub residuals: Vec<f64>,
@@ -177,14 +177,15 @@ impl EigsOptions {
 
 /// Finds eigenpairs `A y = θ y` of an operator (`n × n`) by the chosen method, within a budget of products.
 ///
-/// The operator's observer sees each product ([`Estimate::Eigenpairs`](crate::observer::Estimate::Eigenpairs)). The function returns the best pairs so far when the budget ends or
-/// the observer stops it. Lanczos finds a repeated eigenvalue once, and blocks of `b` find up to `b` copies; [`EigsOptions::confirm`] finds
-/// the others. [`Eigs::completeness`] states which values may have been missed.
+/// The operator's observer sees each product ([`Estimate::Eigenpairs`](crate::observer::Estimate::Eigenpairs)). The function returns the
+/// best pairs so far when the budget ends or the observer stops the search. Lanczos finds only one copy of a repeated eigenvalue, and a
+/// block of `b` vectors finds up to `b` copies; [`EigsOptions::confirm`] finds the other copies. [`Eigs::completeness`] states which values
+/// may have been missed.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis`, `EigsOptions::noise` or `--which` if its value
-/// cannot be used; the errors of [`Factorization::lanczos`] and [`Factorization::expand`]. To keep the products taken before an operator failed, hold
-/// the factorization and use [`eigs_from`].
+/// cannot be used; the errors of [`Factorization::lanczos`] and [`Factorization::expand`]. If an operator fails, the products taken so far
+/// are lost. To keep them, hold the factorization and use [`eigs_from`].
 pub fn eigs(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let mut operator = Rescaled::new(operator);
     let found = eigs_of(&mut operator, options);
@@ -223,12 +224,12 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     Ok(found)
 }
 
-/// Within this factor of the target residual, products are taken one by one: a few products seldom gain more.
+/// Products are taken one by one if every residual is within this factor of its target, because a few products seldom gain a larger factor.
 const NEAR: f64 = 1e3;
 
-/// Continues the search of [`eigs()`] from a factorization. `options.products` includes the products already in it; `method`, `start` and
-/// `deflate` are ignored. After an error, `factorization` holds everything up to the product that failed, and another call continues from
-/// there. Fails with the errors of [`eigs()`].
+/// Continues the search of [`eigs()`] from a factorization. `options.products` includes the products already in the factorization.
+/// `method`, `start` and `deflate` are ignored. After an error, `factorization` holds all steps up to the product that failed, and another
+/// call continues from there. Fails with the errors of [`eigs()`].
 pub fn eigs_from(
     factorization: &mut Factorization,
     operator: &mut dyn Operator,
@@ -255,7 +256,7 @@ pub fn eigs_from(
         }
         let waiting = factorization.pending();
         if factorization.steps() + waiting >= most {
-            // Half of the unwanted pairs are kept too, so that the next cycle converges faster.
+            // The restart also keeps half of the unwanted pairs, so that the next cycle converges faster.
             let steps = factorization.steps();
             let keep = options.count + steps.saturating_sub(options.count) / 2;
             factorization.shrink(options.which, keep.min(most - 2 * waiting))?;
@@ -289,20 +290,20 @@ pub fn eigs_from(
     Ok(found.eigs(options, factorization.asymmetry(), recorder.history, stats))
 }
 
-/// The status when all directions are spanned: the answer is exact unless the products have noise.
+/// The status if all directions are spanned. The result is exact unless the products have noise.
 fn exhausted(factorization: &Factorization, options: &EigsOptions) -> Status {
     let is_noisy = options.noise > 0.0 || factorization.largest_error() > 0.0;
     if is_noisy { Status::NoiseFloor } else { Status::SpaceExhausted }
 }
 
-/// Returns true if these pairs may reach the tolerance or the noise before a whole block is multiplied. Products are then taken one by one,
-/// so that none is wasted.
+/// Returns true if these pairs may reach the tolerance or the noise within the next block of products. Products are then taken one by one,
+/// so that no product is wasted.
 fn is_near(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> bool {
     let target = (options.tolerance * scale).max(options.noise);
     pairs.len() >= options.count && pairs.iter().all(|pair| pair.residual <= NEAR * target.max(pair.rounding))
 }
 
-/// The reason why these pairs need no further product, if they need none. `scale` and `n` are the norm and the rows of the operator.
+/// The status to end with if these pairs need no further product, else `None`. `scale` and `n` are the norm and the rows of the operator.
 fn good_enough(pairs: &[RitzPair], options: &EigsOptions, (scale, n): (f64, usize)) -> Option<Status> {
     if pairs.len() < options.count {
         return None;

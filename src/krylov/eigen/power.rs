@@ -9,23 +9,20 @@ use crate::krylov::completeness::{Recorder, Stats, Status};
 use crate::krylov::factor::{Factorization, RitzPair, Which, point_upwards};
 use crate::operator::{Operator, Symmetry, check_square};
 
-/// Power iteration, `x ← A x / ‖A x‖`, the paper's Algorithm 1: finds the eigenpair `A x = θ x` of largest
-/// magnitude of an `A` of `n × n`.
+/// Power iteration, `x ← A x / ‖A x‖`, the paper's Algorithm 1: finds the eigenpair `A x = θ x` of largest magnitude of an `A` of `n × n`.
 ///
-/// The product that makes the next vector also gives the Rayleigh quotient `θ = xᵀA x` and the residual
-/// `A x − θ x`, so neither costs a further product. The result is the vector before the last product. Each
-/// product multiplies the error by `|λ₂/λ₁|`. Lanczos gains digits faster, at a rate of about `2 √gap`. Known
-/// vectors are projected out of every product.
+/// The product that makes the next vector also gives the Rayleigh quotient `θ = xᵀA x` and the residual `A x − θ x`, so neither costs a
+/// further product. The result is the vector before the last product. Each product multiplies the error by `|λ₂/λ₁|`. Lanczos converges
+/// faster, at a rate of about `2 √gap`. Known vectors are projected out of every product.
 ///
-/// The method stores four vectors of `n`. `which` must be [`Which::LargestMagnitude`], or
-/// [`Which::LargestAlgebraic`] if the dominant eigenvalue is known to be positive (as for a matrix without
-/// negative entries: Perron). `count` must be 1.
+/// The method stores four vectors of `n`. `which` must be [`Which::LargestMagnitude`], or [`Which::LargestAlgebraic`] if the dominant
+/// eigenvalue is known to be positive (as for a matrix without negative entries: Perron). `count` must be 1.
 ///
 /// O'Toole and Kutulakos, doi:10.1145/1882261.1866165, Algorithm 1.
 pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let n = operator.cols();
     check(operator, options)?;
-    // Checks, orthonormalizes and projects the start as for Lanczos, without a step.
+    // The factorization checks, orthonormalizes and projects the start as for Lanczos, and takes no step.
     let start = Factorization::lanczos(&options.start.vector(n), &options.deflate)?;
     let known = start.known();
     let Some(first) = start.waiting().first() else {
@@ -54,7 +51,7 @@ pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Resul
         }
         scale = scale.max(length);
         let value = dot(&x, &product);
-        // ‖A x − θ x‖ is summed as a vector: the difference of squares would lose half the digits.
+        // ‖A x − θ x‖ is computed from the vector, because the difference of squares would lose half the digits.
         let residual = distance(&product, &x, value);
         let noise = operator.standard_error();
         pairs = vec![pair([value, residual, noise], scale, n, operator.symmetry())];

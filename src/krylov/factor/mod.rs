@@ -20,22 +20,23 @@ pub use step::Step;
 pub enum ProcessKind {
     /// A Lanczos factorization of a symmetric operator `A` of `n × n`, with full reorthogonalization.
     ///
-    /// After `m` steps, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric tridiagonal (diagonal `α`, off-diagonal `β`) and `v` the next
-    /// basis vector,
+    /// After `m` steps, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric tridiagonal (diagonal `α`, off-diagonal `β`) and `v` the
+    /// next basis vector,
     ///
     /// ```text
     /// A V = V T + β_m v e_mᵀ,    VᵀV = I,    Vᵀv = 0,    QᵀV = 0
     /// ```
     ///
-    /// where `Q` are known vectors (deflation). The process projects them out of the start and of every new vector. If `Q` are eigenvectors of
-    /// `A`, the process sees `A` only on the rest of the space. A further copy of one of their eigenvalues then appears as a simple eigenvalue.
+    /// where `Q` are known vectors (deflation). The process projects them out of the start and of every new vector. If `Q` are eigenvectors
+    /// of `A`, the process sees `A` only on the orthogonal complement of `Q`. A further copy of one of their eigenvalues then appears as a
+    /// simple eigenvalue.
     ///
-    /// A step takes exactly one product. If the product fails, the factorization is bitwise unchanged and the step can be taken again. Storage:
-    /// `m + 1 + k` vectors of `n` for `k` known vectors, and one work vector.
+    /// A step takes exactly one product. If the product fails, the factorization is bitwise unchanged and the step can be taken again.
+    /// Storage: `m + 1 + k` vectors of `n` for `k` known vectors, and one work vector.
     ///
-    /// Reorthogonalization computes the coefficients of `A v_j` on all basis vectors, and the process keeps them. If `A` is symmetric, the
-    /// coefficients outside the tridiagonal are zero to rounding. Otherwise they measure the asymmetry ([`Factorization::asymmetry`]) and keep the
-    /// residual norms correct.
+    /// Reorthogonalization computes the coefficients of `A v_j` on all basis vectors, and the process keeps these coefficients. If `A` is
+    /// symmetric, the coefficients outside the tridiagonal are zero to rounding. Otherwise they measure the asymmetry
+    /// ([`Factorization::asymmetry`]) and keep the residual norms correct.
     ///
     /// References: Lanczos (1950), doi:10.6028/jres.045.026; Paige, *The computation of eigenvalues and eigenvectors of very large sparse
     /// matrices* (1971); Parlett, *The Symmetric Eigenvalue Problem*, chapter 13, doi:10.1137/1.9781611971163. With photos for products:
@@ -43,21 +44,22 @@ pub enum ProcessKind {
     Lanczos = 1,
     /// A block Lanczos factorization of a symmetric operator `A` of `n × n`, with full reorthogonalization.
     ///
-    /// After `m` steps from a block of `b` vectors, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric with `b` diagonals beside the
-    /// main one, and `W` the `p ≤ b` waiting vectors,
+    /// After `m` steps from a block of `b` vectors, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric with `b` diagonals on each
+    /// side of the main diagonal, and `W` the `p ≤ b` waiting vectors,
     ///
     /// ```text
     /// A V = V T + W B,    [V W]ᵀ[V W] = I,    Qᵀ[V W] = 0
     /// ```
     ///
-    /// where `Q` are known vectors that are projected out (see [`ProcessKind::Lanczos`]). A single start vector sees one vector of
-    /// each eigenspace. A block of `b` start vectors sees `b` of them, and finds all copies of an eigenvalue that is repeated up to `b` times.
-    /// A full round over the block costs `b` products and raises the polynomial degree by one, like one Lanczos step.
+    /// where `Q` are known vectors that are projected out (see [`ProcessKind::Lanczos`]). A process from a single start vector finds one
+    /// vector of each eigenspace. A process from `b` start vectors finds `b` vectors of each eigenspace, and so all copies of an eigenvalue
+    /// that is repeated up to `b` times. One round over the block costs `b` products and raises the polynomial degree by one, like one
+    /// Lanczos step.
     ///
-    /// A step takes one product (Ruhe's band form), so the process can stop and resume within a block. The products with the waiting vectors
-    /// may be taken together before their steps ([`Factorization::multiply_block`]). The block becomes narrower if a product lies in the span
-    /// or if start vectors are dependent. When the block is used up, the subspace is invariant, and the process continues from `b` random
-    /// vectors. The process stores `m + p + k` vectors of `n` for `k` known vectors, and one work vector.
+    /// A step takes one product (Ruhe's band form), so the process can stop and resume within a block. The products with the waiting
+    /// vectors may be taken together before their steps ([`Factorization::multiply_block`]). The block becomes narrower if a product lies
+    /// in the span of the basis, or if start vectors are dependent. When no vector waits any more, the subspace is invariant, and the
+    /// process continues from `b` random vectors. The process stores `m + p + k` vectors of `n` for `k` known vectors, and one work vector.
     ///
     /// References: Golub and Underwood, *The block Lanczos method for computing eigenvalues*, Mathematical Software III (1977); Ruhe,
     /// *Implementation aspects of band Lanczos algorithms*, Math. Comp. 33 (1979), doi:10.1090/S0025-5718-1979-0521282-9.
@@ -70,24 +72,24 @@ pub enum ProcessKind {
     /// A V = V H + h_{m+1,m} v e_mᵀ,    VᵀV = I,    Vᵀv = 0,    QᵀV = 0
     /// ```
     ///
-    /// where `Q` are known vectors, projected out of the start and of every new vector. The process then sees `(I − QQᵀ) A` on the rest of the
-    /// space. If `Q` spans an invariant subspace, the eigenvalues there are the other eigenvalues of `A`. The Ritz vectors then approximate
-    /// Schur vectors and not eigenvectors, unless `Q` is also invariant under `Aᵀ`. The residual norms are the norms for `A`, and show the
-    /// difference.
+    /// where `Q` are known vectors, projected out of the start and of every new vector. The process then sees `(I − QQᵀ) A` on the
+    /// orthogonal complement of `Q`. If `Q` spans an invariant subspace, the eigenvalues of this operator are the other eigenvalues of `A`.
+    /// The Ritz vectors then approximate Schur vectors and not eigenvectors, unless `Q` is also invariant under `Aᵀ`. The residual norms
+    /// are computed for `A`, so they show this difference.
     ///
     /// A breakdown, `h_{m+1,m} = 0`, is harmless: `V` is invariant, its Ritz pairs are eigenpairs, and the process continues from a random
     /// vector. The process stores `m + 1 + k` vectors of `n` for `k` known vectors, and one work vector.
     ///
     /// References: Arnoldi, *The principle of minimized iterations in the solution of the matrix eigenvalue problem* (1951),
-    /// doi:10.1090/qam/42792; Saad, *Numerical Methods for Large Eigenvalue Problems*, chapter 6, doi:10.1137/1.9781611970739. With photos for
-    /// products: O'Toole and Kutulakos, sections 3 and 4.
+    /// doi:10.1090/qam/42792; Saad, *Numerical Methods for Large Eigenvalue Problems*, chapter 6, doi:10.1137/1.9781611970739. With photos
+    /// for products: O'Toole and Kutulakos, sections 3 and 4.
     Arnoldi = 3,
 }
 
 /// A factorization that takes one product per step. Its eigenpairs need no further product.
 ///
-/// It can be stopped, inspected, saved and resumed after any step. If a product fails, the factorization is bitwise unchanged, and the step
-/// can be taken again.
+/// The process can be stopped, inspected, saved and resumed after any step. If a product fails, the factorization is bitwise unchanged, and
+/// the step can be taken again.
 ///
 /// Let `A` be an operator of `n × n`. After `m` steps, with `p` vectors waiting for their product,
 ///
@@ -95,32 +97,32 @@ pub enum ProcessKind {
 /// A V = V⁺ H + Q C,    V⁺ = [V v_{m+1} … v_{m+p}] of n × (m+p), orthonormal,    QᵀV⁺ = 0
 /// ```
 ///
-/// where `H = V⁺ᵀ A V` is `(m+p) × m` and `C = Qᵀ A V` has a row per known vector. `p` is 1 for Lanczos and Arnoldi. Otherwise it is the
-/// block size minus the number of products that were in the span. A step multiplies `v_{m+1}` and appends the part of the product that is
-/// orthogonal to the basis (Ruhe's band form of the block process). A block process therefore also takes one product per step. The process
-/// stores `m + p + k` vectors of length `n` for `k` known vectors, and one work vector.
+/// where `H = V⁺ᵀ A V` is `(m+p) × m` and `C = Qᵀ A V` has a row per known vector. `p` is 1 for Lanczos and Arnoldi. For a block process,
+/// `p` is the block size minus the number of products that were in the span of the basis. A step multiplies `v_{m+1}` and appends the part
+/// of the product that is orthogonal to the basis (Ruhe's band form of the block process). A block process therefore also takes one product
+/// per step. The process stores `m + p + k` vectors of length `n` for `k` known vectors, and one work vector.
 #[derive(Clone, Debug)]
 pub struct Factorization {
     kind: ProcessKind,
     /// Columns `Q`, then `v_1 … v_{m+p}`.
     basis: Basis,
     known: usize,
-    /// The number of vectors that start the process, and that continue it from an invariant subspace.
+    /// The number of vectors that start the process. As many random vectors continue the process if its subspace is invariant.
     block: usize,
     /// For each step, the coefficients of `A v_j` on `Q, v_1, …`, up to the vector that the step appended.
     columns: Vec<Vec<f64>>,
     /// For each step, the standard error of `A v_j` ([`Operator::standard_errors`]); 0 if it is unknown.
     errors: Vec<f64>,
-    /// A bound on the Frobenius norm of the part of `A V` that restarts discarded; for symmetric products it is rounding error. There is
-    /// one bound for all columns, because rotations do not change it. Bounds per column would grow with every restart.
+    /// A bound on the Frobenius norm of the part of `A V` that restarts discarded. For symmetric products, this part is only rounding
+    /// error. There is one bound for all columns, because rotations do not change it. Bounds per column would grow with every restart.
     leak: f64,
     products: usize,
     /// The largest `‖A v_j‖` so far, a lower bound of `‖A‖`.
     scale: f64,
     draws: u64,
     work: Vec<f64>,
-    /// The parts that the last column still has along the columns before it, at most 1e-12 in all; empty if there are none. The next step
-    /// removes them.
+    /// The parts that the last column still has along the columns before it, of norm at most 1e-12 together; empty if there are none. The
+    /// next step removes these parts.
     late: Vec<f64>,
     /// Products with the first waiting vectors, taken as a block before their steps.
     ready: VecDeque<(Vec<f64>, f64)>,
@@ -129,8 +131,8 @@ pub struct Factorization {
 }
 
 impl Factorization {
-    /// Starts a Lanczos process from `start` (length `n`) and projects out the vectors of `deflate`. These have length `n` each and are
-    /// independent; they need not be normalized or orthogonal. A start within their span is replaced by a random vector.
+    /// Starts a Lanczos process from `start` (length `n`) and projects out the vectors of `deflate`. The vectors of `deflate` have length
+    /// `n` and are independent; they need not be normalized or orthogonal. If `start` lies in their span, a random vector replaces it.
     ///
     /// # Errors
     /// [`Error::Dimension`] if a length differs from the length of the start. [`Error::Numerical`] if a vector holds NaN or an infinity, if
@@ -139,8 +141,8 @@ impl Factorization {
         Self::start(ProcessKind::Lanczos, &[start.to_vec()], deflate)
     }
 
-    /// Starts a block Lanczos process from the vectors of `starts` (`b ≥ 1`, length `n` each) and leaves out dependent ones. The vectors of
-    /// `deflate` are projected out. Fails with the errors of [`Factorization::lanczos`].
+    /// Starts a block Lanczos process from the independent vectors among `starts` (`b ≥ 1`, length `n` each), and projects out the vectors
+    /// of `deflate`. Fails with the errors of [`Factorization::lanczos`].
     pub fn block_lanczos(starts: &[Vec<f64>], deflate: &[Vec<f64>]) -> Result<Self> {
         Self::start(ProcessKind::BlockLanczos, starts, deflate)
     }
@@ -151,8 +153,8 @@ impl Factorization {
         Self::start(ProcessKind::Arnoldi, &[start.to_vec()], deflate)
     }
 
-    /// Starts from the independent vectors among `starts`, with `deflate` projected out. If none remains, it starts from a random vector.
-    /// `n` is the length of the first start.
+    /// Starts from the independent vectors among `starts`, with `deflate` projected out. If no vector remains, starts from a random vector.
+    /// `n` is the length of the first start vector.
     fn start(kind: ProcessKind, starts: &[Vec<f64>], deflate: &[Vec<f64>]) -> Result<Self> {
         let n = starts.first().map_or(0, Vec::len);
         if n == 0 {
@@ -195,14 +197,14 @@ impl Factorization {
         Ok(process)
     }
 
-    /// From the next step on, filters the directions that noise dominates; see [`Filter`].
+    /// Lets a filter ([`Filter`]) remove noise from the directions of all following steps.
     #[must_use]
     pub fn filtered(self, filter: Filter) -> Self {
         Self { filter: Some(filter), ..self }
     }
 
-    /// Widens the block of a Lanczos process by vectors (length `n` each) that start with the next step, to find further copies of an
-    /// eigenvalue. The process keeps its state. Vectors in the span of the basis are left out.
+    /// Widens the block of a Lanczos process by start vectors (length `n` each), to find further copies of an eigenvalue. The process keeps
+    /// its state, and uses the new vectors from the next step on. Vectors in the span of the basis are left out.
     ///
     /// # Errors
     /// [`Error::Dimension`] if a length differs; [`Error::Numerical`] for NaN or an infinity.
@@ -222,20 +224,21 @@ impl Factorization {
     ///
     /// # Errors
     /// [`Error::Dimension`](crate::Error::Dimension) if the operator is not `n × n`. [`Error::Numerical`](crate::Error::Numerical) if the
-    /// process needs a symmetric operator and this one is not declared symmetric (no product is taken then), or if the product contains NaN
-    /// or an infinity. The error of the product. After any error the factorization is as it was before the step.
+    /// process needs a symmetric operator and this operator is not declared symmetric (no product is taken then), or if the product
+    /// contains NaN or an infinity. The error of the product. After any error, the factorization is as before the step.
     pub fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step> {
         self.fits(operator)?;
-        // For a symmetric operator, A v_j lies in the span of v_{j−b} … v_{j+b}. The last of these is not in the basis yet.
+        // For a symmetric operator, A v_j lies in the span of v_{j−b} … v_{j+b}. The vector v_{j+b} is not in the basis yet.
         self.step(operator, if self.is_symmetric() { 2 * self.block } else { 0 })
     }
 
-    /// Takes up to `most` of the next products as one block, of [`Operator::block_size`]; the following steps use them. It takes nothing if
-    /// that size is 1, if only one vector waits, or if such products are left. The caller must be certain to take these steps; the call
-    /// does not change the results. Products taken before their step do not count in [`Factorization::products`] yet, and are not saved.
+    /// Takes up to `most` of the next products as one block of at most [`Operator::block_size`] products. The following steps use these
+    /// products. Takes no product if the block size is 1, if only one vector waits, or if products of an earlier call are still unused. The
+    /// caller must be certain to take these steps; the call does not change the results. Products taken before their step do not count in
+    /// [`Factorization::products`] yet, and are not saved.
     ///
     /// # Errors
-    /// The errors of [`Factorization::expand`]; the factorization is then unchanged.
+    /// The errors of [`Factorization::expand`]. The factorization is then unchanged.
     pub fn multiply_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
         self.fits(operator)?;
         self.take_block(operator, most)
@@ -246,7 +249,7 @@ impl Factorization {
         self.kind != ProcessKind::Arnoldi
     }
 
-    /// Refuses an operator of another size, or without the symmetry that the process needs.
+    /// Refuses an operator of another size, or an operator without the symmetry that the process needs.
     fn fits(&self, operator: &dyn Operator) -> Result<()> {
         if self.is_symmetric() && operator.symmetry() != Symmetry::Symmetric {
             return Err(Error::Numerical(
@@ -260,7 +263,7 @@ impl Factorization {
     ///
     /// # Errors
     /// [`Error::Numerical`](crate::Error::Numerical) if the dense eigensolver fails on `H`. [`Error::Option`](crate::Error::Option) naming
-    /// `--which` if this process cannot find that end of the spectrum.
+    /// `--which` if this process cannot find the requested end of the spectrum.
     pub fn ritz(&self, which: Which, count: usize) -> Result<Vec<RitzPair>> {
         if self.is_symmetric() {
             self.ritz_of_symmetric(which, count)
@@ -269,8 +272,8 @@ impl Factorization {
         }
     }
 
-    /// Thick restart: shrinks the subspace to the `keep` most wanted Ritz vectors without a product, and the process continues from there
-    /// (Wu and Simon, doi:10.1137/S0895479898334605). Does nothing for `keep ≥ m`.
+    /// Thick restart: shrinks the subspace to the `keep` most wanted Ritz vectors without a product. The process continues from there (Wu
+    /// and Simon, doi:10.1137/S0895479898334605). Does nothing for `keep ≥ m`.
     ///
     /// # Errors
     /// The errors of [`Factorization::ritz`]; [`Error::Numerical`](crate::Error::Numerical) for an Arnoldi process, which has no restarts.
@@ -288,8 +291,8 @@ impl Factorization {
         Ok(())
     }
 
-    /// The real Ritz vector `y = V s` of a pair from this factorization: length `n`, norm 1, and the entry of largest magnitude positive.
-    /// For a complex pair it is the real part, with its sign unchanged.
+    /// The real Ritz vector `y = V s` of a pair from this factorization. It has length `n` and norm 1, and its entry of largest magnitude
+    /// is positive. For a complex pair, the result is the real part of `y`, with its sign unchanged.
     pub fn ritz_vector(&self, pair: &RitzPair) -> Vec<f64> {
         let mut vector = self.combine(&pair.coefficients);
         if pair.is_real() {
@@ -303,12 +306,12 @@ impl Factorization {
         self.combine(&pair.imaginary_coefficients)
     }
 
-    /// Returns true if the subspace is the whole space without the known vectors. Further steps then take no product.
+    /// Returns true if the subspace is the whole orthogonal complement of the known vectors. Further steps then take no product.
     pub fn is_exhausted(&self) -> bool {
         self.pending() == 0
     }
 
-    /// `b`: the number of start vectors so far. [`Factorization::pending`] returns how many are left.
+    /// `b`: the number of start vectors so far. [`Factorization::pending`] returns how many vectors still wait.
     pub fn block(&self) -> usize {
         self.block
     }
@@ -318,26 +321,26 @@ impl Factorization {
         (0..self.steps()).map(|j| self.entry(j, j)).collect()
     }
 
-    /// `β_1 … β_m` of a process from one start: the diagonal below the main one, followed by the norm of the residual `β_m v e_mᵀ`. An
-    /// entry is zero if the subspace was invariant. After [`Factorization::shrink`], the kept Ritz vectors couple to the first vector after
-    /// them instead (see [`Factorization::entry`]).
+    /// `β_1 … β_m` of a process from one start vector: the diagonal of `H` below the main diagonal. The last entry `β_m` is the norm of the
+    /// residual `β_m v e_mᵀ`. An entry is zero if the subspace was invariant. After [`Factorization::shrink`], the kept Ritz vectors couple
+    /// to the first vector after them instead (see [`Factorization::entry`]).
     pub fn betas(&self) -> Vec<f64> {
         (0..self.steps()).map(|j| self.entry(j + 1, j)).collect()
     }
 
-    /// `β_m`, or `h_{m+1,m}`; 0 before the first step and after a breakdown.
+    /// `β_m`, or `h_{m+1,m}` for an Arnoldi process; 0 before the first step and after a breakdown.
     pub fn residual_norm(&self) -> f64 {
         self.betas().last().copied().unwrap_or(0.0)
     }
 
-    /// Entry `(i, j)` of `H`, counted from 0: `v_iᵀ A v_j`, `j < m`, `i < m + p`.
+    /// Entry `(i, j)` of `H`, which is `v_iᵀ A v_j`. The indices count from 0: `j < m`, `i < m + p`.
     pub fn entry(&self, i: usize, j: usize) -> f64 {
         self.columns.get(j).and_then(|column| column.get(self.known + i)).copied().unwrap_or(0.0)
     }
 
-    /// Entry `(i, j)` of `T`, the symmetric part of the upper `m × m` of `H`. It is the mean of `H_ij` and `H_ji`, which are two
-    /// measurements of one number. If the operator states the errors `e` of its products, the mean is weighted by `1/e²`, so that a noisy
-    /// late product does not spoil the result of a good early one.
+    /// Entry `(i, j)` of `T`, the symmetric part of the upper `m × m` of `H`. The entry is the mean of `H_ij` and `H_ji`, which are two
+    /// measurements of the same number. If the operator states the errors `e` of its products, the mean is weighted by `1/e²`, so that a
+    /// noisy late product does not spoil the result of an accurate early product.
     fn symmetric(&self, i: usize, j: usize) -> f64 {
         let square = |k: usize| self.errors.get(k).map_or(0.0, |error| error * error);
         let (of_i, of_j) = (square(i), square(j));
@@ -371,8 +374,8 @@ impl Factorization {
         &self.basis.columns()[self.known..self.known + self.steps()]
     }
 
-    /// `v_{m+1} … v_{m+p}`: orthonormal vectors of length `n`, multiplied in the next steps. The last may have parts along the others of up
-    /// to 1e-12, usually far smaller; the next step removes them.
+    /// `v_{m+1} … v_{m+p}`: orthonormal vectors of length `n`, which the next steps multiply. The last vector may have parts along the
+    /// others of up to 1e-12, which are usually far smaller. The next step removes these parts.
     pub fn waiting(&self) -> &[Vec<f64>] {
         &self.basis.columns()[self.known + self.steps()..]
     }
@@ -395,7 +398,7 @@ impl Factorization {
         squares.map(|(error, (re, im))| error * error * (re * re + im * im)).sum::<f64>().sqrt()
     }
 
-    /// The largest standard error that the operator stated for a product; 0 if it states none.
+    /// The largest standard error that the operator stated for a product, or 0 if the operator states no errors.
     pub(in crate::krylov) fn largest_error(&self) -> f64 {
         self.errors.iter().copied().fold(0.0, f64::max)
     }
@@ -405,8 +408,8 @@ impl Factorization {
         self.draws > 0
     }
 
-    /// The asymmetry of the products: `‖H − Hᵀ‖_F / ‖H‖_F` for `H = VᵀAV`. It is about 1e-16 for a symmetric operator, and with noise the
-    /// relative noise of the products. Takes no product.
+    /// The asymmetry of the products, `‖H − Hᵀ‖_F / ‖H‖_F` for `H = VᵀAV`. For a symmetric operator it is about 1e-16; for noisy products,
+    /// it is their relative noise. Takes no product.
     pub fn asymmetry(&self) -> f64 {
         let mut difference = 0.0;
         let mut total = 0.0;
@@ -436,7 +439,7 @@ impl Factorization {
         vector
     }
 
-    /// Appends a random vector orthogonal to all others; returns false if there is none.
+    /// Appends a random vector orthogonal to the basis. Returns false if there is no such vector.
     fn append_random(&mut self) -> bool {
         let n = self.n();
         // In a space of few dimensions a random vector may lie almost in the span, so several are tried.
@@ -454,7 +457,7 @@ impl Factorization {
     }
 }
 
-/// Appends the part of `vector` that is orthogonal to `basis`, normalized. Returns false if that part is only rounding error.
+/// Appends the part of `vector` that is orthogonal to `basis`, normalized. Returns false if this part is only rounding error.
 fn append(basis: &mut Basis, vector: &[f64]) -> Result<bool> {
     let length = norm(vector);
     if !length.is_finite() {
@@ -472,7 +475,7 @@ fn append(basis: &mut Basis, vector: &[f64]) -> Result<bool> {
     Ok(true)
 }
 
-/// Makes the entry of largest magnitude positive. Returns true if the signs changed.
+/// Flips the sign of `vector` if its entry of largest magnitude is negative. Returns true if the sign changed.
 pub(super) fn point_upwards(vector: &mut [f64]) -> bool {
     let largest = vector.iter().fold(0.0_f64, |a, &b| if b.abs() > a.abs() { b } else { a });
     if largest < 0.0 {
@@ -483,20 +486,20 @@ pub(super) fn point_upwards(vector: &mut [f64]) -> bool {
     largest < 0.0
 }
 
-/// A function of the remainder of a product and of the share of noise in it; see [`Filter::new`].
+/// A function of the remainder of a product and of the share of noise in the remainder; see [`Filter::new`].
 type Of = dyn Fn(&[f64], f64) -> Option<Vec<f64>> + Send + Sync;
 
 /// Removes noise from the next direction of a Krylov process.
 ///
-/// The next direction is the part that a product adds to the span. If it is mostly noise, the process continues into noise and finds
-/// nothing. A filter knows how noise looks, and returns a direction with most of it removed. Eigenvalues are not distorted: they come from
-/// the products themselves, projected on the directions of the process.
+/// The next direction is the remainder of a product: the part that is orthogonal to the basis. If it is mostly noise, the process continues
+/// into noise and finds nothing. A filter can distinguish noise from light, and returns a direction with most of the noise removed.
+/// Eigenvalues are not distorted, because they come from the products themselves, projected on the directions of the process.
 #[derive(Clone)]
 pub struct Filter(Arc<Of>);
 
 impl Filter {
     /// Makes a filter from a function. The function receives the remainder of a product, of length `n`, and the expected share of noise in
-    /// its norm, from 0 to 1. It returns the direction of length `n` for the next step; `None` keeps the remainder.
+    /// its norm, from 0 to 1. It returns the direction for the next step, of length `n`, or `None` to keep the remainder.
     pub fn new(of: impl Fn(&[f64], f64) -> Option<Vec<f64>> + Send + Sync + 'static) -> Self {
         Self(Arc::new(of))
     }
@@ -522,14 +525,14 @@ mod tests {
     use crate::krylov::{Which, dot, norm};
     use crate::operator::Symmetry;
 
-    /// `Σ λ_k u_k u_kᵀ` with three slow waves; each product has noise of norm about 0.5.
+    /// `Σ λ_k u_k u_kᵀ` with three slow waves `u_k`. Each product has noise of norm about 0.5.
     struct Noisy {
         random: Pcg64,
     }
 
     const N: usize = 400;
 
-    /// A wave with `periods` half periods, of norm 1.
+    /// A wave of `periods` half periods, with norm 1.
     fn wave(periods: usize) -> Vec<f64> {
         let at = |i: usize| (std::f64::consts::PI * periods as f64 * (i as f64 + 0.5) / N as f64).cos();
         let wave: Vec<f64> = (0..N).map(at).collect();
@@ -568,7 +571,7 @@ mod tests {
         }
     }
 
-    /// The part of the slow waves in the span of two Ritz vectors after twelve products.
+    /// The smaller share of the first two slow waves in the span of two Ritz vectors after twelve products.
     fn found(filter: Option<Filter>) -> Result<f64> {
         let start: Vec<f64> = (0..N).map(|i| 1.0 + i as f64 / N as f64 + wave(1)[i] + wave(2)[i]).collect();
         let mut process = Factorization::block_lanczos(&[start], &[])?;

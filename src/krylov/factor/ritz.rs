@@ -1,4 +1,4 @@
-//! The Rayleigh–Ritz method: approximate eigenpairs from a subspace, their order and their error bounds. It takes no product.
+//! The Rayleigh–Ritz method: approximate eigenpairs from a subspace, their order and their error bounds. The method takes no product.
 
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side, c64};
@@ -10,25 +10,25 @@ use crate::krylov::basis::norm;
 /// The part of the spectrum that is wanted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Which {
-    /// LA, LR: the largest (or largest real part), +∞ first.
+    /// LA, LR: the largest values (or largest real parts), +∞ first.
     #[default]
     LargestAlgebraic,
-    /// SA, SR: the smallest (or smallest real part), −∞ first.
+    /// SA, SR: the smallest values (or smallest real parts), −∞ first.
     SmallestAlgebraic,
-    /// LM: the largest in absolute value.
+    /// LM: the largest absolute values.
     LargestMagnitude,
-    /// SM: the smallest in absolute value. Unless they are at an end of the spectrum, they converge late or never: a Krylov space
+    /// SM: the smallest absolute values. Unless these values are at an end of the spectrum, they converge late or never: a Krylov space
     /// approximates the ends first, and photos cannot invert the operator.
     SmallestMagnitude,
-    /// BE: from both ends, the largest first, then the smallest, the second largest, and so on.
+    /// BE: values from both ends: the largest, the smallest, the second largest, and so on.
     BothEnds,
-    /// LI: the largest imaginary part in absolute value, for operators that are not symmetric.
+    /// LI: the largest absolute values of the imaginary part, for operators that are not symmetric.
     LargestImaginary,
 }
 
 impl Which {
-    /// Orders the indices of `values` (real and imaginary part), most wanted first. In a tie (a complex pair) the value with the larger
-    /// imaginary part comes first, then the lower index.
+    /// Orders the indices of `values` (real and imaginary part), the most wanted first. In a tie (a complex pair), the value with the
+    /// larger imaginary part comes first, then the value with the lower index.
     pub(in crate::krylov) fn order(self, values: &[(f64, f64)]) -> Vec<usize> {
         let mut order: Vec<usize> = (0..values.len()).collect();
         let key = |index: usize| {
@@ -64,7 +64,7 @@ impl Which {
 pub enum PairStatus {
     /// The residual and the noise of the products are both within the tolerance.
     Converged,
-    /// The residual is within the noise of the products, which is above the tolerance. Only better products would help.
+    /// The residual is within the noise of the products, which is above the tolerance. Only products with less noise would help.
     LimitedByNoise,
     /// More products would improve the pair.
     NotResolved,
@@ -90,24 +90,26 @@ pub struct RitzPair {
     pub value: f64,
     /// The imaginary part of `θ`; 0 for a symmetric operator.
     pub imaginary: f64,
-    /// `‖A y − θ y‖₂` for `‖y‖ = 1`, from the products already taken. For a symmetric operator it is `|β_m s_m|`, for a general one
-    /// `|h_{m+1,m} s_m|`.
+    /// `‖A y − θ y‖₂` for `‖y‖ = 1`, from the products already taken. It is `|β_m s_m|` (symmetric) or `|h_{m+1,m} s_m|` (general
+    /// operator).
     pub residual: f64,
-    /// The distance from `θ` to the nearest other Ritz value, minus the residual of that value: the gap to the rest of the spectrum as seen
-    /// from the subspace. It is infinite if there is no other value, and 0 for a general operator.
+    /// The distance from `θ` to the nearest other Ritz value, minus the residual of that Ritz value. It estimates the gap between `θ` and
+    /// the other eigenvalues, as far as the subspace shows them. It is infinite if there is no other Ritz value, and 0 for a general
+    /// operator.
     pub gap: f64,
     /// The condition number of `θ` as an eigenvalue of `H`: 1 for a symmetric operator, infinite for a defective one.
     pub condition: f64,
     /// An allowance for rounding errors in `θ`, a small multiple of `ε ‖A‖`.
     pub rounding: f64,
     /// The standard error `‖E s‖` of `A y`, from the stated errors of the products
-    /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)); 0 if none are stated.
+    /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)). It is 0 if no errors are stated.
     pub noise: f64,
-    /// `‖(H − T) s‖` for the symmetric part `T` of `H`, beyond the part that the stated errors of the products explain. This is the part of
-    /// the operator's systematic errors that symmetry reveals. It is 0 for a general operator, and for an operator that states no errors.
+    /// The part of `‖(H − T) s‖` that the stated errors of the products do not explain. `T` is the symmetric part of `H`. The asymmetry
+    /// reveals a part of the operator's systematic errors. The value is 0 for a general operator, and for an operator that states no
+    /// errors.
     pub asymmetric: f64,
-    /// The part of the residual that lies outside the subspace and that the errors of the corresponding products do not explain. It limits
-    /// how far more products may move `θ`.
+    /// The part of the residual outside the subspace that the errors of the corresponding products do not explain. It limits how far `θ`
+    /// may change with more products.
     pub unresolved: f64,
     /// `s` (its real part), of length `m`. The real and imaginary parts together have norm 1.
     pub coefficients: Vec<f64>,
@@ -121,33 +123,34 @@ impl RitzPair {
         self.imaginary_coefficients.is_empty()
     }
 
-    /// Returns true if `‖A y − θ y‖ ≤ tolerance · scale`, with `scale` of the size of `‖A‖`. An eigenvalue is then within this distance
-    /// (Weyl's bound). The error of the vector depends on the gap to the other eigenvalues (Davis–Kahan).
+    /// Returns true if `‖A y − θ y‖ ≤ tolerance · scale`, with `scale` of the size of `‖A‖`. An eigenvalue then lies within the distance
+    /// `tolerance · scale` of `θ` (Weyl's bound). The error of the vector depends on the gap to the other eigenvalues (Davis–Kahan).
     pub fn is_resolved(&self, tolerance: f64, scale: f64) -> bool {
         self.residual <= tolerance * scale
     }
 
-    /// Finds the status for a residual that should be at most `wanted`. Each product with a unit vector has an error of norm `noise`,
-    /// independent from product to product (then `‖E s‖` is about `noise` for any `s` of norm 1). If the operator states a larger error,
-    /// that one counts.
+    /// Finds the status for a residual that should be at most `wanted`. `noise` is the norm of the error of a product with a unit vector.
+    /// If the errors of the products are independent, `‖E s‖` is about `noise` for any `s` of norm 1. If the operator states a larger
+    /// error, the stated error counts.
     pub fn status(&self, wanted: f64, noise: f64) -> PairStatus {
         PairStatus::of(self.residual, noise.max(self.noise), wanted)
     }
 
-    /// The standard error of `θ` due to noise. For measured products it also includes errors that repeat in all products, and the change
-    /// that more products would cause.
+    /// The standard error of `θ` due to noise. For measured products, it also includes systematic errors that are common to all products,
+    /// and the change that more products would cause.
     ///
     /// Each product with a unit vector has an error of norm `noise`, or the error that the operator states, whichever is larger. `θ`
-    /// changes by `yᵀ E s`: an error of norm `‖E s‖` that is spread evenly over the `n` entries has the component `‖E s‖/√n` along `y`.
+    /// changes by `yᵀ E s`. If an error of norm `‖E s‖` is spread evenly over the `n` entries, its component along `y` is `‖E s‖/√n`.
     ///
-    /// An error that repeats in all products, such as a projector less even than its calibration says, never averages out. Its symmetric
-    /// part changes `θ` but cannot be seen. Its other part can be seen, as [`RitzPair::asymmetric`]. Both parts have the same size if
-    /// projector and camera err alike, so the visible part stands for both.
+    /// A systematic error that is common to all products, such as a projector that is less even than its calibration says, never averages
+    /// out. The symmetric part of this error changes `θ` but cannot be detected. The asymmetric part can be detected, as
+    /// [`RitzPair::asymmetric`]. Both parts have the same size if projector and camera have similar errors, so the detected part stands for
+    /// both.
     ///
     /// More products would change `θ` by at most [`RitzPair::unresolved`], or by its square over the gap ([`temple_kato`]). If eigenvalues
-    /// are dense, as in direct light, this change is still larger than the noise after a few dozen products. A bound `a` about which
-    /// nothing more is known counts as the standard error `a/√3` of an error that is uniform between `±a` (*Guide to the expression of
-    /// uncertainty in measurement*, 4.3.7). Without noise, this term is left out, and [`RitzPair::bound`] covers it.
+    /// are dense, as in direct light, this change is still larger than the noise after a few dozen products. If only a bound `a` on an
+    /// error is known, the error counts as uniform between `±a`, with the standard error `a/√3` (*Guide to the expression of uncertainty in
+    /// measurement*, 4.3.7). Without noise, this term is left out, and [`RitzPair::bound`] covers the change.
     pub fn standard_error(&self, noise: f64, n: usize) -> f64 {
         let noise = noise.max(self.noise);
         if noise == 0.0 {
@@ -157,26 +160,26 @@ impl RitzPair {
         evenly(noise, n).hypot(self.asymmetric).hypot(unresolved)
     }
 
-    /// A limit for the residual of the true operator along the directions that matter. It combines the part of the residual that the stated
-    /// errors of the products do not explain, and the component of these errors along any one direction of `n` entries. If no errors are
-    /// stated, it is the residual itself.
+    /// A limit for the residual of the true operator along the directions that matter. It combines two parts: the part of the residual that
+    /// the stated errors of the products do not explain, and the component of these errors along a single direction of `n` entries. If no
+    /// errors are stated, the limit is the residual itself.
     pub fn beyond_noise(&self, n: usize) -> f64 {
         let unexplained = (self.residual * self.residual - self.noise * self.noise).max(0.0);
         (unexplained + evenly(self.noise, n).powi(2)).sqrt()
     }
 
-    /// Returns true if more products would gain nothing. The residual must be within the noise of the products (`noise` for each product
-    /// with a unit vector, or the error that the operator states). `θ` must also change by less than the standard error that this noise
-    /// leaves in it. An eigenvalue averages over all `n` entries, so its error is far below the error of the vector, and it can still
-    /// improve when the residual is within the noise.
+    /// Returns true if more products would not improve the pair. The residual must be within the noise of the products (`noise` for each
+    /// product with a unit vector, or the error that the operator states). In addition, the possible change of `θ` must be less than the
+    /// standard error of `θ` due to this noise. An eigenvalue averages over all `n` entries, so its error is far below the error of the
+    /// vector, and it can still improve when the residual is within the noise.
     pub(in crate::krylov) fn is_settled(&self, noise: f64, n: usize) -> bool {
         let noise = noise.max(self.noise);
         self.residual <= noise && temple_kato(self.residual, self.gap) <= evenly(noise, n)
     }
 
-    /// A bound on the residual norm of the true operator: `‖A y − θ y‖ + ‖E s‖`, where every product with a unit vector has an error of
-    /// norm at most `noise`. Then `‖E s‖ ≤ noise · ‖s‖₁` always holds (Simoncini and Szyld, doi:10.1137/S1064827502406415). Errors that the
-    /// operator states are standard errors of independent products; two standard errors are added.
+    /// A bound on the residual norm of the true operator: `‖A y − θ y‖ + ‖E s‖`. If every product with a unit vector has an error of norm
+    /// at most `noise`, then `‖E s‖ ≤ noise · ‖s‖₁` (Simoncini and Szyld, doi:10.1137/S1064827502406415). Errors that the operator states
+    /// are standard errors of independent products, and two standard errors are added for them.
     pub fn true_residual(&self, noise: f64) -> f64 {
         let parts =
             self.coefficients.iter().zip(self.imaginary_coefficients.iter().chain(std::iter::repeat(&0.0)));
@@ -184,16 +187,16 @@ impl RitzPair {
         self.residual + noise * sum + 2.0 * self.noise
     }
 
-    /// A bound on the distance from `θ` to the nearest eigenvalue. For a symmetric operator it is rigorous: an eigenvalue lies within the
-    /// residual norm (Weyl; Parlett, theorem 4.5.1). For a general operator it is the first-order estimate condition × (residual +
-    /// rounding).
+    /// A bound on the distance from `θ` to the nearest eigenvalue. For a symmetric operator, the bound is rigorous: an eigenvalue lies
+    /// within the residual norm (Weyl; Parlett, theorem 4.5.1). For a general operator, it is the first-order estimate condition ×
+    /// (residual + rounding).
     pub fn bound(&self, noise: f64) -> f64 {
         self.condition * (self.true_residual(noise) + self.rounding)
     }
 
-    /// The Temple–Kato bound `ρ²/gap` on the same distance, if it is smaller than [`RitzPair::bound`]. It holds if the subspace has missed
-    /// no eigenvalue within the gap, and only knowledge of the problem can guarantee this (Kato, doi:10.1143/JPSJ.4.334; Parlett, theorem
-    /// 11.7.1).
+    /// The Temple–Kato bound `ρ²/gap` on the distance from `θ` to the nearest eigenvalue, or [`RitzPair::bound`] if that is smaller. The
+    /// Temple–Kato bound holds only if the subspace has missed no eigenvalue within the gap, and only knowledge of the problem can
+    /// guarantee this (Kato, doi:10.1143/JPSJ.4.334; Parlett, theorem 11.7.1).
     pub fn gap_bound(&self, noise: f64) -> f64 {
         let residual = self.true_residual(noise);
         if self.gap > residual {
@@ -204,8 +207,8 @@ impl RitzPair {
     }
 }
 
-/// Bounds the distance of a Ritz value from an eigenvalue. The bound is the residual, or by Temple and Kato its square over the gap to the
-/// rest of the spectrum, whichever is less (see [`RitzPair::gap_bound`]).
+/// Bounds the distance of a Ritz value from an eigenvalue. The bound is the smaller of the residual and, by Temple and Kato, the square of
+/// the residual over the gap to the other eigenvalues (see [`RitzPair::gap_bound`]).
 pub fn temple_kato(residual: f64, gap: f64) -> f64 {
     if gap > residual { residual * (residual / gap) } else { residual }
 }
@@ -216,9 +219,9 @@ fn evenly(norm: f64, n: usize) -> f64 {
 }
 
 impl Factorization {
-    /// Computes the wanted Ritz pairs of the symmetric part `T` of `H = Vᵀ A V` ([`Factorization::symmetric`]). The other part comes from noise and
-    /// from asymmetries of a rig, and counts in the residuals. Both triangles measure the same numbers, and their mean has less noise than
-    /// either.
+    /// Computes the wanted Ritz pairs of the symmetric part `T` of `H = Vᵀ A V` ([`Factorization::symmetric`]). The asymmetric part comes
+    /// from noise and from asymmetries of a rig, and counts in the residuals. Both triangles of `H` measure the same numbers, and their
+    /// mean has less noise than either triangle.
     pub(super) fn ritz_of_symmetric(&self, which: Which, count: usize) -> Result<Vec<RitzPair>> {
         let mut pairs = self.all_of_symmetric(which)?;
         let residuals: Vec<(f64, f64)> = pairs.iter().map(|pair| (pair.value, pair.residual)).collect();
@@ -280,8 +283,8 @@ impl Factorization {
         f64::EPSILON * self.scale() * terms
     }
 
-    /// Computes the wanted eigenpairs of `H`. A complex pair counts as two, the one with positive imaginary part first; `count` may split the
-    /// pair.
+    /// Computes the wanted eigenpairs of `H`. A complex pair counts as two eigenpairs, and the eigenpair with positive imaginary part comes
+    /// first. If `count` ends between the two, only the first is returned.
     pub(super) fn ritz_of_general(&self, which: Which, count: usize) -> Result<Vec<RitzPair>> {
         let m = self.steps();
         if m == 0 || count == 0 {
@@ -305,7 +308,7 @@ impl Factorization {
                 let column: Vec<c64> = right.col(k).iter().copied().collect();
                 let length = length_of(&column);
                 let condition = length * length_of(&(0..m).map(|j| left[(k, j)]).collect::<Vec<c64>>());
-                // At this phase, the entry of largest magnitude is real and positive.
+                // With the phase `unit`, the entry of largest magnitude is real and positive.
                 let largest =
                     column.iter().fold(c64::new(0.0, 0.0), |a, &b| if size(b) > size(a) { b } else { a });
                 let unit = c64::new(largest.re / size(largest), -largest.im / size(largest));
@@ -353,15 +356,15 @@ fn size(entry: c64) -> f64 {
 }
 
 impl Factorization {
-    /// Thick restart: `V ← V S` for the eigenvectors `S` of the symmetric part of `H` that these pairs hold. The waiting vectors are kept.
-    /// `H` becomes `diag(values)` with the couplings to the waiting vectors below.
+    /// Thick restart: `V ← V S`, where the columns of `S` are the coefficients of the kept pairs, eigenvectors of the symmetric part of
+    /// `H`. The waiting vectors are kept. `H` becomes `diag(values)` with the couplings to the waiting vectors below.
     pub(super) fn restart(&mut self, kept: &[RitzPair]) {
         self.settle();
         let (m, pending) = (self.steps(), self.pending());
         let asymmetric = self.asymmetric_part();
         let parts: Vec<Outside> =
             kept.iter().map(|pair| self.outside(&pair.coefficients, &asymmetric)).collect();
-        // Each part includes the loss of earlier restarts, which is counted only once.
+        // Each value includes the loss of earlier restarts, which must be counted only once.
         let lost: Vec<f64> = parts.iter().map(|part| part.asymmetric - self.leak).collect();
         self.leak += norm(&lost);
         self.errors = kept.iter().map(|pair| self.noise(&pair.coefficients, &[])).collect();
@@ -383,7 +386,7 @@ impl Factorization {
         (0..m * m).map(|at| (at % m, at / m)).map(|(i, j)| self.entry(i, j) - self.symmetric(i, j)).collect()
     }
 
-    /// The components of `A V s − V T s` for `s` of norm 1. `T` is the symmetric part of `H`, and `asymmetric` the other part
+    /// The components of `A V s − V T s` for `s` of norm 1. `T` is the symmetric part of `H`, and `asymmetric` is `H − T`
     /// ([`Factorization::asymmetric_part`]).
     fn outside(&self, s: &[f64], asymmetric: &[f64]) -> Outside {
         let mut inside = vec![0.0; self.steps()];
@@ -406,8 +409,8 @@ impl Factorization {
         [known, waiting]
     }
 
-    /// The norm of the part outside the subspace, minus the noise of the products that it comes from. The waiting vectors come from the
-    /// last few products, so only the noise of these products counts.
+    /// The norm of the residual's part outside the subspace, minus the noise of the products that cause this part. Only the last few
+    /// products have parts along the waiting vectors, so only their noise counts.
     fn unresolved(&self, outside: &Outside, s: &[f64]) -> f64 {
         let inside = self.known + self.steps();
         let tells = |column: &Vec<f64>| column.iter().skip(inside).any(|&entry| entry != 0.0);
@@ -419,8 +422,8 @@ impl Factorization {
 
     /// The part of `‖(H − T) s‖` that independent errors of the products do not explain; 0 if no errors are stated.
     ///
-    /// Errors of norm `e_i` and `e_j`, spread evenly over `n` entries, give the difference of `H_ij` and `H_ji` the variance
-    /// `(e_i² + e_j²)/n`. Each of the two differs from their mean by half of the difference.
+    /// If errors of norm `e_i` and `e_j` are spread evenly over `n` entries, the difference of `H_ij` and `H_ji` has the variance
+    /// `(e_i² + e_j²)/n`. Both entries differ from their mean by half of this difference.
     fn beyond_errors(&self, asymmetric: f64, s: &[f64]) -> f64 {
         let squares: Vec<f64> = self.errors.iter().map(|error| error * error).collect();
         let all: f64 = squares.iter().sum();
@@ -436,10 +439,10 @@ impl Factorization {
 
 /// The components of `A V s − V T s`.
 struct Outside {
-    /// The components along `Q`: zero to rounding if the known vectors are eigenvectors of a symmetric `A`.
+    /// The components along `Q`. They are zero to rounding if the known vectors are eigenvectors of a symmetric `A`.
     known: Vec<f64>,
     /// The components along the waiting vectors.
     waiting: Vec<f64>,
-    /// The norm of `V (H − T) s` plus a bound on the part that restarts discarded; zero to rounding if `A` is symmetric.
+    /// The norm of `V (H − T) s`, plus a bound on the part that restarts discarded. It is zero to rounding if `A` is symmetric.
     asymmetric: f64,
 }

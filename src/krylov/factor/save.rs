@@ -10,7 +10,7 @@ use crate::krylov::basis::Basis;
 
 const MAGIC: &[u8; 8] = b"KRYLUXFZ";
 const VERSION: u32 = 3;
-/// The previous version of the format, without late parts.
+/// The previous version of the format. It has no late parts.
 const EARLIER: u32 = 2;
 /// The number of floats written or read at once.
 const CHUNK: usize = 8192;
@@ -20,17 +20,17 @@ impl Factorization {
     ///
     /// All processes use the same format. Numbers are little endian, floats IEEE 754 binary64:
     ///
-    /// | bytes | what |
+    /// | bytes | content |
     /// |---|---|
     /// | 8 | `KRYLUXFZ` |
     /// | u32 | version, 3 |
     /// | u32 | kind: 1 Lanczos, 2 block Lanczos, 3 Arnoldi |
     /// | u64 × 7 | `n`, known vectors `k`, block size, columns `k + m + p`, steps `m`, products, random vectors drawn |
-    /// | f64 × 2 | the largest `‖A v_j‖`; a bound on what restarts discarded |
-    /// | `m` times | u64 count, as many f64: the coefficients of `A v_j` on `Q, v_1, …`; f64: its standard error |
-    /// | u64 count, as many f64 | the parts that the last column still has along those before it (not in version 2) |
+    /// | f64 × 2 | the largest `‖A v_j‖`; a bound on the part that restarts discarded |
+    /// | `m` times | u64 count, as many f64: the coefficients of `A v_j` on `Q, v_1, …`; f64: the standard error of `A v_j` |
+    /// | u64 count, as many f64 | the parts that the last column still has along the columns before it (not in version 2) |
     /// | `(k + m + p) n` f64 | `Q`, then `v_1 … v_{m+p}`, one after the other |
-    /// | 32 | BLAKE3 of everything before |
+    /// | 32 | BLAKE3 hash of all preceding bytes |
     ///
     /// A file is accepted only if its checksum is right. A damaged length causes no large allocation.
     ///
@@ -44,7 +44,7 @@ impl Factorization {
     /// Loads the state of a process of this kind that [`Factorization::save`] saved.
     ///
     /// # Errors
-    /// [`Error::Data`] if the state is damaged, of another version, or of another process.
+    /// [`Error::Data`] if the state is damaged, has another version, or belongs to another kind of process.
     pub fn load(kind: ProcessKind, reader: impl Read) -> Result<Self> {
         let mut source = Source { reader, hasher: blake3::Hasher::new() };
         let state = source.everything(kind)?;
@@ -168,8 +168,7 @@ impl<R: Read> Source<R> {
         })
     }
 
-    /// Reads the late parts of the last of `total` columns. The columns after the first `used` wait for their
-    /// products.
+    /// Reads the late parts of the last of `total` columns. The columns after the first `used` wait for their products.
     fn late(&mut self, used: usize, total: usize) -> Result<Vec<f64>> {
         let length = self.u64()?;
         if length != 0 && (length != total as u64 - 1 || used == total) {
@@ -203,7 +202,7 @@ impl<R: Read> Source<R> {
         self.u64().map(f64::from_bits)
     }
 
-    /// Reads in pieces, so that a damaged length reaches the end of the file before it exhausts the memory.
+    /// Reads in pieces, so that a file with a damaged length ends before the memory is exhausted.
     fn floats(&mut self, count: usize) -> Result<Vec<f64>> {
         let mut floats = Vec::with_capacity(count.min(CHUNK));
         let mut buffer = vec![0; 8 * CHUNK.min(count)];

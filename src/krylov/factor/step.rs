@@ -1,4 +1,4 @@
-//! A step of a factorization: one product, and the part of it that is new.
+//! A step of a factorization: takes one product, and adds the new part of the product to the basis.
 
 use super::Factorization;
 use crate::error::{Error, Result};
@@ -11,24 +11,24 @@ use crate::operator::{Operator, block, block_mut};
 pub enum Step {
     /// The subspace grew by one, and can grow further.
     Extended,
-    /// The subspace grew by one, but the product was in its span: from now on the block is narrower by one.
+    /// The subspace grew by one, but the product was in the span of the basis. From now on, the block has one vector less.
     Deflated,
-    /// The subspace grew by one and is now invariant (no residual is left): all its Ritz pairs are eigenpairs. The next step continues from
-    /// random vectors orthogonal to the basis, and may find further copies of a repeated eigenvalue.
+    /// The subspace grew by one and is now invariant (there is no residual): all its Ritz pairs are eigenpairs. The next step continues
+    /// from random vectors orthogonal to the basis, and may find further copies of a repeated eigenvalue.
     Invariant,
-    /// The subspace is the whole space without the known vectors. A further step takes no product.
+    /// The subspace is the whole orthogonal complement of the known vectors. A further step takes no product.
     Exhausted,
 }
 
 impl Factorization {
-    /// Multiplies up to `most` of the waiting vectors as one block of the operator's size. The next steps use these products.
+    /// Multiplies up to `most` of the waiting vectors, at most [`Operator::block_size`], as one block. The next steps use these products.
     pub(super) fn take_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
         let count = operator.block_size().min(most).min(self.pending());
         if count < 2 || !self.ready.is_empty() {
             return Ok(());
         }
         let mut products = vec![vec![0.0; self.n()]; count];
-        // The last vector, as it will be at the time of its step.
+        // The last waiting vector is multiplied without its late parts, because the steps before its own step remove them.
         let late = count == self.pending() && !self.late.is_empty();
         let last = late.then(|| self.basis.settled_last(&self.late));
         let mut vectors = block(&self.waiting()[..count]);
@@ -42,8 +42,8 @@ impl Factorization {
         Ok(())
     }
 
-    /// Takes one step: one product. The `recent` last columns contain, up to rounding, the part of `A v` in the span (0 if this is
-    /// unknown).
+    /// Takes one step with one product `A v`. The part of `A v` in the span of the basis lies, up to rounding, along the last `recent`
+    /// columns. `recent` is 0 if this is unknown.
     pub(super) fn step(&mut self, operator: &mut dyn Operator, recent: usize) -> Result<Step> {
         let n = self.n();
         let waiting = &self.basis.columns()[self.known + self.steps()..];
@@ -61,7 +61,7 @@ impl Factorization {
         let first = self.basis.len().saturating_sub(recent);
         let (along, length) = self.basis.dots_and_norm(first, &self.work);
         if !length.is_finite() {
-            // The step can be taken again with a new product.
+            // The prepared products are discarded, so that the step can be taken again with a new product.
             self.ready.clear();
             return Err(Error::Numerical(format!(
                 "product {} with the operator holds a NaN or an infinity",
@@ -69,7 +69,7 @@ impl Factorization {
             )));
         }
 
-        // From here on nothing can fail.
+        // The following statements cannot fail.
         self.products += 1;
         self.scale = self.scale.max(length);
         let mut removed = self.orthogonalize_product(&along);
@@ -103,8 +103,8 @@ impl Factorization {
         Ok(if self.pending() > 0 { Step::Invariant } else { Step::Exhausted })
     }
 
-    /// Filters the remainder of a product. Returns the direction, orthogonal to the basis and of length 1, and the product's part along it;
-    /// `None` if the remainder is used without change.
+    /// Filters the remainder of a product. Returns a direction, orthogonal to the basis and of length 1, and the product's part along it.
+    /// Returns `None` if the remainder is used without change.
     fn denoised(&self, error: f64, rest: f64) -> Option<(Vec<f64>, f64)> {
         let mut direction = self.filter.as_ref()?.apply(&self.work, (error / rest).min(1.0))?;
         if direction.len() != self.n() || !direction.iter().all(|value| value.is_finite()) {
@@ -121,8 +121,8 @@ impl Factorization {
     }
 }
 
-/// The largest parts along the basis, as a share of the norm, whose removal may wait for the next step. Rounding leaves about `ε ‖A‖/β`:
-/// 1e-14 to 1e-13 for most spectra.
+/// The largest norm, relative to the vector, of parts along the basis that may be removed in the next step instead of at once. Rounding
+/// leaves about `ε ‖A‖/β`: 1e-14 to 1e-13 for most spectra.
 const LATE: f64 = 1e-12;
 
 /// A product without its part in the span of the basis.
@@ -136,28 +136,29 @@ struct Rest {
 
 impl Factorization {
     /// Orthogonalizes the product in `work` against the basis, and reads the basis once. `along` holds the product's inner products with
-    /// the last columns, which contain, up to rounding, its whole part in the span. It is empty if this is unknown.
+    /// the last columns. Up to rounding, these columns contain the product's entire part in the span of the basis. `along` is empty if this
+    /// is unknown.
     ///
-    /// Full reorthogonalization takes the inner products of the product with all basis vectors and then removes these components. This
-    /// takes two readings, and four for Arnoldi. Here the removal waits for the next step, whose inner products need a reading anyway
-    /// (delayed reorthogonalization: Bielich, Langou, Thomas, Świrydowicz, Yamazaki and Boman, *Low-synch Gram–Schmidt with delayed
-    /// reorthogonalization for Krylov solvers*, Parallel Computing 112 (2022), doi:10.1016/j.parco.2022.102940). This takes one reading,
-    /// and two for Arnoldi.
+    /// Full reorthogonalization takes the inner products of the product with all basis vectors and then removes these components. It reads
+    /// the basis twice, or four times for Arnoldi. Here the removal waits for the next step, which reads the basis anyway for its inner
+    /// products (delayed reorthogonalization: Bielich, Langou, Thomas, Świrydowicz, Yamazaki and Boman, *Low-synch Gram–Schmidt with
+    /// delayed reorthogonalization for Krylov solvers*, Parallel Computing 112 (2022), doi:10.1016/j.parco.2022.102940). A step then reads
+    /// the basis once, or twice for Arnoldi.
     ///
-    /// The last basis vector `û = v + V s` is then multiplied while it still has small parts `s` along the others. By linearity
-    /// `A v = A û − A V s`, and `A V s = V⁺H s` is known from the coefficients of earlier products. This known number is also the part of
-    /// `A û` along the basis beside the three terms of Lanczos. It is removed in the sweep that takes the inner products; otherwise it
-    /// would grow like `(‖A‖/β)^k` over `k` steps.
+    /// The next product therefore multiplies a vector `û = v + V s`, which still has small parts `s` along the other basis vectors. By
+    /// linearity `A v = A û − A V s`, and `A V s = V⁺H s` is known from the coefficients of earlier products. `V⁺H s` is also the part of
+    /// `A û` along the basis in addition to the three terms of Lanczos. It is removed in the sweep that takes the inner products; otherwise
+    /// it would grow like `(‖A‖/β)^k` over `k` steps.
     ///
     /// # Bound
-    /// Only parts of norm at most [`LATE`] wait. Larger parts (from noise, or of a product nearly in the span) are removed at once, by
-    /// passes as in [`orthogonalize`]. So `v` has norm `1 + O(ε)`. With the rounding error `γ` stated there,
-    /// `‖V_jᵀv‖ ≤ √j γ + LATE ‖I − V_jᵀV_j‖`: no error is passed on. `m` vectors have `‖I − VᵀV‖_F ≤ √2 m γ`, as if each had been
-    /// reorthogonalized at once. The tests check this bound on hard cases.
+    /// Only parts of norm at most [`LATE`] wait for the next step. Larger parts (from noise, or of a product nearly in the span) are
+    /// removed at once, by passes as in [`orthogonalize`], so `v` has norm `1 + O(ε)`. With the `γ` defined there,
+    /// `‖V_jᵀv‖ ≤ √j γ + LATE ‖I − V_jᵀV_j‖`, so errors do not accumulate. `m` vectors satisfy `‖I − VᵀV‖_F ≤ √2 m γ`, as if each vector
+    /// had been reorthogonalized at once. The tests check this bound on difficult cases.
     fn orthogonalize_product(&mut self, along: &[f64]) -> Rest {
         let (total, first) = (self.basis.len(), self.basis.len() - along.len());
         let late = std::mem::take(&mut self.late);
-        // The vector multiplied has late parts only if no other vector waits.
+        // The multiplied vector has late parts only if no other vector waits.
         let shown = if self.pending() == 1 { self.product_of(&late) } else { vec![0.0; total] };
         let of_last = along.last().copied().unwrap_or(0.0);
         let late_at = |i: usize| late.get(i).copied().unwrap_or(0.0);
@@ -169,7 +170,7 @@ impl Factorization {
         }
         let settling = Settling { late: &late, along, ahead: &ahead };
         let (mut rest, mut length) = self.basis.settle_and_dot(&settling, &mut self.work);
-        // The coefficients removed so far, on the settled basis, minus the contribution of the late parts to the product.
+        // The coefficients removed so far, with respect to the settled basis, minus the contribution of the late parts to the product.
         let mut coefficients: Vec<f64> = (0..total)
             .map(|i| {
                 let near = if i < first { ahead.get(i).copied().unwrap_or(0.0) } else { along[i - first] };
@@ -193,7 +194,7 @@ impl Factorization {
         Rest { coefficients, norm: length, late: Vec::new() }
     }
 
-    /// `V⁺ᵀ A V s`, from the products so far, for parts `s` along the columns before the last.
+    /// `V⁺ᵀ A V s`, from the products so far, for parts `s` of the last column along the columns before it.
     fn product_of(&self, late: &[f64]) -> Vec<f64> {
         let mut product = vec![0.0; self.basis.len()];
         for (column, s) in self.columns.iter().zip(late.iter().skip(self.known)) {
@@ -238,13 +239,13 @@ mod tests {
             let mut largest = 0.0_f64;
             for step in 1..=60 {
                 lanczos.expand(&mut operator)?;
-                // The first two steps remove all parts in advance.
+                // The first two steps remove all parts in advance, so only later steps count.
                 if step > 2 {
                     largest = largest.max(norm(&lanczos.late));
                 }
             }
             if noise == 0.0 {
-                // ‖A‖/β is about 5 here: a few ε of ‖A‖ remain, more than an immediate removal would leave.
+                // ‖A‖/β is about 5 here. A few ε of ‖A‖ remain, more than after an immediate removal.
                 assert!((8.0 * f64::EPSILON..1e-13).contains(&largest), "{largest:e}");
             } else {
                 // A second pass finds only the rounding errors of a removal.

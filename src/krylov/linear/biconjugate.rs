@@ -1,4 +1,4 @@
-//! CGS and BiCGStab. They need neither symmetry nor a transpose: a fixed shadow of the first residual replaces the transpose.
+//! CGS and BiCGStab. They need neither symmetry nor a transpose, because a fixed copy of the first residual replaces the transpose.
 
 use super::system::System;
 use super::{Advance, Recurrence, SolveOptions, Solver, ended};
@@ -7,10 +7,10 @@ use crate::krylov::basis::{axpy, dot, norm, update2};
 use crate::krylov::completeness::Status;
 use crate::operator::Adjoint;
 
-/// The shadow residual `r̃ = r_0`, and the stage within an iteration of two products.
+/// The shadow residual `r̃ = r_0`, and the phase within an iteration of two products.
 struct Shadowed {
     shadow: Vec<f64>,
-    /// `M⁻¹` times the last vector multiplied.
+    /// `M⁻¹` times the vector of the last product.
     hat: Vec<f64>,
     rho: f64,
     phase: Phase,
@@ -32,7 +32,7 @@ impl Shadowed {
         Self { shadow: vec![0.0; n], hat: vec![0.0; n], rho: 0.0, phase: Phase::Start }
     }
 
-    /// Begins a step. Returns true if the step took its product for the residual of the first iterate and is complete.
+    /// Begins a step. Returns true if the step is already complete, because its product gave the residual of the first iterate.
     fn open(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<bool> {
         if system.open(operator)? {
             return Ok(true);
@@ -44,7 +44,7 @@ impl Shadowed {
         Ok(false)
     }
 
-    /// `ρ_k / ρ_{k−1}` for the new direction, 0 for the first; `ρ = r̃ᵀ r`.
+    /// Returns `ρ_k / ρ_{k−1}` for the new direction, where `ρ = r̃ᵀ r`; 0 for the first direction.
     fn advance_rho(&mut self, system: &System) -> std::result::Result<f64, Status> {
         let rho = dot(&self.shadow, &system.r);
         if negligible(rho, &self.shadow, &system.r) {
@@ -55,7 +55,7 @@ impl Shadowed {
         Ok(ratio)
     }
 
-    /// Writes `A M⁻¹ v` to the system's `work`; `None` stands for the residual.
+    /// Writes `A M⁻¹ v` to the system's `work`. If `v` is `None`, the residual takes its place.
     fn product(&mut self, system: &mut System, operator: &mut dyn Adjoint, v: Option<&[f64]>) -> Result<()> {
         system.inverse.apply(v.unwrap_or(&system.r), &mut self.hat)?;
         system.tally.product(operator, &self.hat, &mut system.work)
@@ -70,7 +70,7 @@ impl Shadowed {
         Ok(self.rho / sigma)
     }
 
-    /// Ends a step that moved the iterate.
+    /// Ends a step that changed the iterate.
     fn close(&mut self, system: &mut System, next: Phase) -> Result<Advance> {
         self.phase = next;
         match system.note_residual().is_finite() {
@@ -80,17 +80,17 @@ impl Shadowed {
     }
 }
 
-/// Returns true if an inner product is zero to rounding: a quotient by it would be noise.
+/// Returns true if an inner product of `a` and `b` is zero to rounding. A quotient by this product would be noise.
 fn negligible(product: f64, a: &[f64], b: &[f64]) -> bool {
     product.abs() <= f64::EPSILON * norm(a) * norm(b)
 }
 
 /// Conjugate gradients squared: solves `A x = b` for any square `A` of `n × n`, preconditioned on the right.
 ///
-/// The method needs no transpose. An iteration takes two products, and the iterate moves with the second. `‖r‖` is erratic, so the best
-/// iterate is returned. The method ends with [`Breakdown`](crate::krylov::Status::Breakdown) if a divisor vanishes (for example for a
-/// skew-symmetric `A`). The method stores twelve `n`-vectors: `b, x`, the best `x`, `r, r̃, u, p, q, v`, two preconditioned vectors, and a
-/// product.
+/// The method needs no transpose. An iteration takes two products, and the iterate changes only after the second product. `‖r‖` is erratic,
+/// so the best iterate is returned. The method ends with [`Breakdown`](crate::krylov::Status::Breakdown) if a divisor vanishes (for example
+/// for a skew-symmetric `A`). The method stores twelve `n`-vectors: `b, x`, the best `x`, `r, r̃, u, p, q, v`, two preconditioned vectors,
+/// and a product.
 ///
 /// References: Sonneveld (1989), doi:10.1137/0910004.
 pub struct Cgs {
@@ -100,7 +100,7 @@ pub struct Cgs {
     q: Vec<f64>,
     /// `A M⁻¹ p`.
     v: Vec<f64>,
-    /// `u + q`, to be preconditioned.
+    /// `u + q`, which the preconditioner is applied to.
     sum: Vec<f64>,
     alpha: f64,
 }
@@ -151,10 +151,10 @@ impl Recurrence for Cgs {
 
 /// BiCGStab: solves `A x = b` for any square `A` of `n × n`, preconditioned on the right.
 ///
-/// The method needs no transpose. An iteration takes two products, and each moves the iterate: the first along the biconjugate direction,
-/// the second along the residual, by the step that minimizes it. `‖r‖` is not monotone; the best iterate is returned. The method ends with
-/// [`Status::Breakdown`] if a divisor vanishes. The method stores nine `n`-vectors: `b, x`, the best `x`, `r, r̃, p, v`, a preconditioned
-/// vector and a product.
+/// The method needs no transpose. An iteration takes two products. After the first product, the iterate moves along the biconjugate
+/// direction; after the second, it moves along the residual, by the step that minimizes the residual. `‖r‖` is not monotone, so the best
+/// iterate is returned. The method ends with [`Status::Breakdown`] if a divisor vanishes. The method stores nine `n`-vectors: `b, x`, the
+/// best `x`, `r, r̃, p, v`, a preconditioned vector and a product.
 ///
 /// References: van der Vorst (1992), doi:10.1137/0913035.
 pub struct BiCgStab {

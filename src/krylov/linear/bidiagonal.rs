@@ -8,8 +8,8 @@ use crate::krylov::basis::{axpy, norm, update};
 use crate::krylov::completeness::Status;
 use crate::operator::Adjoint;
 
-/// `C V = U B`, `Cᵀ U = V Bᵀ + α v eᵀ` for `C = A M⁻¹`, with `B` lower bidiagonal: `α_k` on its diagonal,
-/// `β_{k+1}` below. The process starts from the residual of the system.
+/// The factorization `C V = U B`, `Cᵀ U = V Bᵀ + α v eᵀ` for `C = A M⁻¹`. `B` is lower bidiagonal, with `α_k` on its diagonal and `β_{k+1}`
+/// below the diagonal. The process starts from the residual of the system.
 ///
 /// References: Golub and Kahan (1965), doi:10.1137/0702016.
 struct Bidiagonal {
@@ -64,7 +64,7 @@ impl Bidiagonal {
         if self.hat.is_empty() { &self.v } else { &self.hat }
     }
 
-    /// Takes one product. A vector that vanishes (to rounding) becomes zero, with its `α` or `β`.
+    /// Takes one product. If a vector vanishes (to rounding), it is set to zero, together with its `α` or `β`.
     fn advance(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Half> {
         if system.open(operator)? {
             return Ok(Half::Residual);
@@ -116,17 +116,15 @@ fn normalize(w: &mut [f64], other: f64, scale: &mut f64) -> f64 {
     length
 }
 
-/// LSQR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`. It finds the solution nearest to the
-/// first iterate.
+/// LSQR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`. Among several solutions, it finds the nearest to the first iterate.
 ///
-/// With a symmetric positive definite `M` it is LSQR on `A M⁻¹`: it minimizes the true residual, and finds
-/// the nearest solution in the norm of `M²`.
+/// With a symmetric positive definite `M`, the method is LSQR on `A M⁻¹`. It then still minimizes the true residual, and finds the solution
+/// that is nearest to the first iterate in the norm of `M²`.
 ///
-/// LSQR is equal to conjugate gradients on the normal equations, but more stable. `‖r‖` falls monotonically.
-/// It first takes one product with `Aᵀ`, then two per iteration, `A v` and `Aᵀ u`; the iterate moves with the
-/// first. It ends where `‖Aᵀ r‖` vanishes (a least-squares solution). The method stores `b`, `r`, `u` and a
-/// product of length `rows`; `x`, the best `x`, `v`, a direction and a product of length `cols`; with a
-/// preconditioner also `M⁻¹ v`.
+/// LSQR is mathematically equal to conjugate gradients on the normal equations, but more stable. `‖r‖` falls monotonically. LSQR first
+/// takes one product with `Aᵀ`, and then two products per iteration, `A v` and `Aᵀ u`. The iterate changes after the product `A v`. LSQR
+/// ends where `‖Aᵀ r‖` vanishes (a least-squares solution). It stores `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`,
+/// a direction and a product of length `cols`; with a preconditioner also `M⁻¹ v`.
 ///
 /// References: Paige and Saunders (1982), doi:10.1145/355984.355989.
 pub struct Lsqr {
@@ -141,9 +139,8 @@ pub struct Lsqr {
 }
 
 impl Lsqr {
-    /// Makes the state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0`
-    /// and `preconditioner` of the options. Fails with the errors of
-    /// [`Cg::solver`](crate::krylov::linear::Cg::solver).
+    /// Makes the state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0` and `preconditioner` of the
+    /// options. Fails with the errors of [`Cg::solver`](crate::krylov::linear::Cg::solver).
     pub fn solver(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let system = System::split("LSQR", true, cols, b, options)?;
         let recurrence = Self {
@@ -173,7 +170,7 @@ impl Recurrence for Lsqr {
                 self.phi *= s;
                 self.cosine = c;
                 self.ratio = s / rho;
-                // r_k = s² r_{k−1} + (φ̄ c, with the rotation's sign) u_{k+1}
+                // r_k = s² r_{k−1} + (φ̄ c, with the sign of the rotation) u_{k+1}
                 let along = -c * self.phi;
                 update(&mut system.r, &self.process.u, |r, u| s * s * r + along * u);
                 system.note_residual();
@@ -199,18 +196,17 @@ impl Recurrence for Lsqr {
     }
 }
 
-/// LSMR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`; each step minimizes `‖Aᵀ r‖`.
+/// LSMR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`. Each step minimizes `‖Aᵀ r‖`.
 ///
-/// With a symmetric positive definite `M` it is LSMR on `C = A M⁻¹`, which minimizes `‖M⁻¹ Aᵀ r‖` instead.
-/// The reported residual is the true one.
+/// With a symmetric positive definite `M`, the method is LSMR on `C = A M⁻¹`, which minimizes `‖M⁻¹ Aᵀ r‖` instead. The reported residual
+/// is the true residual.
 ///
-/// LSMR is equal to MINRES on the normal equations. Both `‖Aᵀ r‖` and `‖r‖` fall monotonically. It first
-/// takes one product with `Aᵀ`, then two per iteration, `A v` and `Aᵀ u`; the iterate moves with the second.
-/// It ends where `‖Aᵀ r‖` vanishes, at the least-squares solution nearest to the first iterate. The method
-/// stores `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`, two directions and a product
-/// of length `cols`; with a preconditioner also `M⁻¹ v`.
+/// LSMR is mathematically equal to MINRES on the normal equations. Both `‖Aᵀ r‖` and `‖r‖` fall monotonically. LSMR first takes one product
+/// with `Aᵀ`, and then two products per iteration, `A v` and `Aᵀ u`. The iterate changes after the product `Aᵀ u`. LSMR ends where `‖Aᵀ r‖`
+/// vanishes, at the least-squares solution nearest to the first iterate. It stores `b`, `r`, `u` and a product of length `rows`; `x`, the
+/// best `x`, `v`, two directions and a product of length `cols`; with a preconditioner also `M⁻¹ v`.
 ///
-/// References: Fong and Saunders (2011), doi:10.1137/10079687X; the variables have the same names.
+/// References: Fong and Saunders (2011), doi:10.1137/10079687X. The variables here have the names used in that paper.
 pub struct Lsmr {
     process: Bidiagonal,
     h: Vec<f64>,
@@ -226,7 +222,7 @@ pub struct Lsmr {
     norm: ResidualNorm,
 }
 
-/// The recurrence for `‖r_k‖` that does not need `r_k`: section 5 of Fong and Saunders.
+/// A recurrence for `‖r_k‖` that does not need `r_k` (section 5 of Fong and Saunders).
 #[derive(Clone, Copy)]
 struct ResidualNorm {
     beta_dd: f64,
@@ -237,8 +233,7 @@ struct ResidualNorm {
 }
 
 impl ResidualNorm {
-    /// Computes the next `‖r‖`, with `β̂ = c β̈`, `β̈ ← −s β̈`, `θ̄`, `ρ̄`, `ζ_{k−1}` and `ζ_k` of this
-    /// iteration.
+    /// Computes the next `‖r‖`, with `β̂ = c β̈`, `β̈ ← −s β̈`, `θ̄`, `ρ̄`, `ζ_{k−1}` and `ζ_k` of this iteration.
     fn advance(&mut self, (c, s): (f64, f64), theta_bar: f64, rho_bar: f64, zetas: (f64, f64)) -> f64 {
         let beta_hat = c * self.beta_dd;
         self.beta_dd *= -s;
@@ -254,9 +249,8 @@ impl ResidualNorm {
 }
 
 impl Lsmr {
-    /// Makes the state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0`
-    /// and `preconditioner` of the options. Fails with the errors of
-    /// [`Cg::solver`](crate::krylov::linear::Cg::solver).
+    /// Makes the state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0` and `preconditioner` of the
+    /// options. Fails with the errors of [`Cg::solver`](crate::krylov::linear::Cg::solver).
     pub fn solver(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let system = System::split("LSMR", true, cols, b, options)?;
         let recurrence = Self {

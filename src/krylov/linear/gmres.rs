@@ -9,21 +9,21 @@ use crate::operator::Adjoint;
 
 /// GMRES(m): solves `min ‖b − A x‖₂` over the Krylov space, for any square `A` of `n × n`.
 ///
-/// With the preconditioner on the right (`A M⁻¹ u = b`) it minimizes the true residual. On the left (`M⁻¹ A x = M⁻¹ b`) it minimizes
-/// `‖M⁻¹ r‖`; it then also keeps the products, to report the true residual without a further product. The flexible form
-/// ([`Gmres::flexible`], FGMRES) keeps each preconditioned vector, and `M` may differ from step to step.
+/// With the preconditioner on the right (`A M⁻¹ u = b`), the method minimizes the true residual. With the preconditioner on the left
+/// (`M⁻¹ A x = M⁻¹ b`), it minimizes `‖M⁻¹ r‖`, and also keeps the products, to report the true residual without a further product. The
+/// flexible form ([`Gmres::flexible`], FGMRES) keeps each preconditioned vector, and `M` may differ from step to step.
 ///
-/// `‖r‖` (on the left `‖M⁻¹ r‖`) falls monotonically, also across restarts. The method needs no transpose. A step takes one product; a
-/// restart takes none. The basis is orthonormal to working precision. The method ends with [`Status::Breakdown`] if the Krylov space is
-/// invariant and contains no solution (a singular `A`). After `k` steps since the last restart, the method stores `k + 1` basis vectors;
-/// `k` more if flexible or preconditioned on the left; `b, x, r` and three work vectors.
+/// `‖r‖` (or `‖M⁻¹ r‖` with the preconditioner on the left) falls monotonically, also across restarts. The method needs no transpose. A
+/// step takes one product; a restart takes no product. The basis is orthonormal to working precision. The method ends with
+/// [`Status::Breakdown`] if the Krylov space is invariant and contains no solution (a singular `A`). After `k` steps since the last
+/// restart, the method stores `k + 1` basis vectors; `k` more if flexible or preconditioned on the left; `b, x, r` and three work vectors.
 ///
 /// References: O'Toole and Kutulakos, section 6, use it for light transport compensation. Saad and Schultz (1986), doi:10.1137/0907058;
 /// flexible: Saad (1993), doi:10.1137/0914028.
 pub struct Gmres {
     side: Side,
     flexible: bool,
-    /// True if `V y` must be preconditioned to become a correction of `x`.
+    /// True if the preconditioner must be applied to `V y` to make a correction of `x`.
     is_hatted: bool,
     restart: usize,
     cycle: Cycle,
@@ -36,8 +36,8 @@ pub struct Gmres {
 const SINGULAR: Status =
     Status::Breakdown("the Krylov space is used up and holds no solution: the operator is singular");
 
-/// A correction is refused if its rounding errors are at least this share of the first residual. The reported residual would then differ
-/// from the true one.
+/// A correction is refused if its rounding errors are at least this share of the first residual of the cycle. The reported residual would
+/// otherwise differ from the true residual.
 const MEANINGLESS: f64 = 1e-9;
 
 impl Gmres {
@@ -47,8 +47,8 @@ impl Gmres {
         Ok(Self::build(System::new(b.len(), b, options)?, options, false))
     }
 
-    /// Makes FGMRES, with an `M` on the right that may change. Fails with the errors of [`Gmres::solver`], and refuses a preconditioner on the
-    /// left.
+    /// Makes FGMRES, whose preconditioner on the right may change from step to step. Fails with the errors of [`Gmres::solver`], and
+    /// refuses a preconditioner on the left.
     pub fn flexible(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let system = System::split("FGMRES", false, b.len(), b, options)?;
         Ok(Self::build(system, options, options.preconditioner.is_some()))
@@ -87,7 +87,7 @@ impl Gmres {
         }
     }
 
-    /// Ends the cycle: updates `x` and `r` without a product.
+    /// Ends the cycle. Updates `x` and `r` without a product.
     fn close(&mut self, system: &mut System) -> Result<()> {
         self.hat.fill(0.0);
         self.cycle.combine(self.flexible, 1.0, &mut self.hat);
@@ -122,8 +122,8 @@ impl Recurrence for Gmres {
             self.hat.copy_from_slice(v);
         }
         system.tally.product(operator, &self.hat, &mut system.work)?;
-        // The new direction overwrites the product. With the preconditioner on the left it overwrites the basis vector, because the product
-        // is kept.
+        // The new direction overwrites the product. If the preconditioner is on the left, the new direction overwrites the copy of the
+        // basis vector instead, because the product is kept.
         let w = if right {
             &mut system.work
         } else {
@@ -132,7 +132,7 @@ impl Recurrence for Gmres {
         };
         let length = norm(w);
         let removed = orthogonalize(&self.cycle.basis, w);
-        // For a vector in the span, orthogonalization leaves only rounding errors.
+        // If the vector is in the span of the basis, orthogonalization leaves only rounding errors.
         let tiny = 10.0 * f64::EPSILON * length;
         let invariant = removed.norm <= tiny;
         let below = if invariant { 0.0 } else { removed.norm };
@@ -184,20 +184,20 @@ impl Recurrence for Gmres {
     }
 }
 
-/// A cycle that starts from a residual `r_0`: an orthonormal `V`, and `H = Qᵀ R` by Givens rotations.
+/// A cycle that starts from a residual `r_0`. It has an orthonormal basis `V`, and factors `H = Qᵀ R` by Givens rotations.
 struct Cycle {
     basis: Basis,
-    /// `M⁻¹ v_j` if flexible, `A v_j` if preconditioned on the left, otherwise empty.
+    /// The vectors `M⁻¹ v_j` if flexible, the products `A v_j` if preconditioned on the left, and otherwise empty.
     kept: Basis,
     /// The columns of `R`, upper triangular.
     triangle: Vec<Vec<f64>>,
     rotations: Vec<(f64, f64)>,
-    /// `Q ‖r_0‖ e_1`, with one entry more than `R` has columns.
+    /// `Q ‖r_0‖ e_1`. It has one entry more than `R` has columns.
     rotated: Vec<f64>,
 }
 
 impl Cycle {
-    /// Makes an empty cycle with memory for `steps` steps and `kept` kept vectors, so that no step allocates.
+    /// Makes an empty cycle with memory for `steps` steps and `kept` vectors to keep, so that no step allocates.
     fn new(n: usize, steps: usize, kept: usize) -> Self {
         let mut cycle = Self {
             basis: Basis::new(n),
@@ -211,7 +211,7 @@ impl Cycle {
         cycle
     }
 
-    /// Starts from `r` with the norm `length`; memory is reused.
+    /// Starts from `r`, whose norm is `length`. The memory is reused.
     fn start(&mut self, r: &[f64], length: f64) {
         self.clear();
         self.rotated.push(length);
@@ -237,8 +237,8 @@ impl Cycle {
         norm(&self.rotated)
     }
 
-    /// Appends a column of `H` with `below` under it, and returns the residual norm after it. If the diagonal entry of `R` would not exceed
-    /// `tiny`, appends nothing and returns `None`.
+    /// Appends a column of `H`, with the entry `below` under it, and returns the new residual norm. If the diagonal entry of `R` would not
+    /// exceed `tiny`, appends nothing and returns `None`.
     fn append(&mut self, mut column: Vec<f64>, below: f64, tiny: f64) -> Option<f64> {
         for (k, (c, s)) in self.rotations.iter().enumerate() {
             let (a, b) = (column[k], column[k + 1]);
@@ -290,7 +290,7 @@ impl Cycle {
         columns.accumulate(0, &y, sign, sum);
     }
 
-    /// `r ← V Qᵀ (0 … 0, ρ)`, the residual of this cycle's iterate, by the inverse rotations from last to first.
+    /// `r ← V Qᵀ (0 … 0, ρ)`, the residual of this cycle's iterate. The inverse rotations are applied from last to first.
     fn residual(&self, r: &mut [f64]) {
         let count = self.triangle.len();
         let mut coordinates = vec![0.0; count + 1];
@@ -300,7 +300,7 @@ impl Cycle {
             coordinates[k] = -s * below;
             coordinates[k + 1] = c * below;
         }
-        // An invariant space has no last vector, and no residual along it.
+        // If the space is invariant, there is no last basis vector, and the residual has no component along it.
         coordinates.truncate(self.basis.len());
         r.fill(0.0);
         self.basis.accumulate(0, &coordinates, 1.0, r);

@@ -1,8 +1,8 @@
 //! Linear systems `A x = b`, one product per step.
 //!
-//! Each method is a state ([`Solver`]) that takes at most one product per step. A product that fails can be taken again, and nothing is
-//! lost. [`solve`](super::solve) takes steps until the tolerance is reached, the residual is at the noise, or the budget is spent. The
-//! table [`METHODS`](super::METHODS) lists the needs and the storage of each method.
+//! Each method is a state ([`Solver`]) that takes at most one product per step. If a product fails, the step can be taken again, and
+//! nothing is lost. [`solve`](super::solve) takes steps until the tolerance is reached, the residual is at the noise, or the budget is
+//! spent. The table [`METHODS`](super::METHODS) lists the requirements and the storage of each method.
 
 mod biconjugate;
 mod bidiagonal;
@@ -29,7 +29,7 @@ pub use system::Tally;
 pub(crate) use system::{System, square};
 
 /// The side of the preconditioner of GMRES. CG and MINRES split the preconditioner, which keeps the operator symmetric. CGS, BiCGStab,
-/// FGMRES, LSQR and LSMR have it on the right.
+/// FGMRES, LSQR and LSMR apply the preconditioner on the right.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Side {
     /// `A M⁻¹ u = b`, `x = M⁻¹ u`: minimizes the true residual.
@@ -39,28 +39,28 @@ pub enum Side {
     Left,
 }
 
-/// The options of the solvers of `A x = b`. Each field lists the methods that read it; the others ignore it unless stated otherwise.
-/// Defaults: 50 products, `x_0 = 0`, no preconditioner, the box [0, 1].
+/// The options of the solvers of `A x = b`. Each field lists the methods that read it; other methods ignore the field unless stated
+/// otherwise. Defaults: 50 products, `x_0 = 0`, no preconditioner, the box [0, 1].
 #[derive(Clone, Debug)]
 pub struct SolveOptions {
-    /// The most products, with `A` and `Aᵀ` together. Read by all methods. Default 50.
+    /// The largest number of products, with `A` and `Aᵀ` together. Read by all methods. Default 50.
     pub products: usize,
-    /// A solver ends when `‖b − A x‖ ≤ rtol ‖b‖ + atol`; 0 uses the whole budget. Read by all methods; krylov-box also ends when its model
-    /// predicts no gain beyond this. Default 1e-6.
+    /// A solver ends when `‖b − A x‖ ≤ rtol ‖b‖ + atol`. If `rtol` and `atol` are 0, it uses the whole budget. Read by all methods;
+    /// krylov-box also ends when its model predicts no gain beyond this tolerance. Default 1e-6.
     pub rtol: f64,
     /// See `rtol`. Read by all methods. Default 0.
     pub atol: f64,
-    /// The relative noise `δ` of a product, which is within `δ ‖A v‖` of `A v`. Steps below `‖b − A x‖ ≤ δ ‖b‖` would fit noise, so the
-    /// method stops there (the discrepancy principle: Morozov (1966); for inexact products: Simoncini and Szyld (2003),
-    /// doi:10.1137/S1064827502406415). Read by all methods; CG and MINRES also tolerate this degree of asymmetry. It is meant for an
-    /// operator that does not state its noise. Noise that the operator states ([`Operator::standard_errors`]) also counts, unless `rtol`
+    /// The relative noise `δ` of a product: the measured product lies within `δ ‖A v‖` of `A v`. Steps below `‖b − A x‖ ≤ δ ‖b‖` would fit
+    /// noise, so the method stops there (the discrepancy principle: Morozov (1966); for inexact products: Simoncini and Szyld (2003),
+    /// doi:10.1137/S1064827502406415). Read by all methods; CG and MINRES also tolerate this degree of asymmetry. This option is meant for
+    /// an operator that does not state its noise. Noise that the operator states ([`Operator::standard_errors`]) also counts, unless `rtol`
     /// and `atol` are 0. Default 0.
     pub noise: f64,
-    /// The first iterate, of length `cols`; its residual takes a product. Read by all methods. The default `None` means zero, with the
-    /// residual `b`. For the methods with bounds it means `b / diagonal`, clipped to the bounds.
+    /// The first iterate, of length `cols`. Its residual takes a product. Read by all methods. The default `None` means zero, with the
+    /// residual `b`. For the methods with bounds, the default means `b / diagonal`, clipped to the bounds.
     pub x0: Option<Vec<f64>>,
-    /// `M⁻¹`. Read by CG, MINRES, LSQR and LSMR (`M` must be symmetric positive definite), and by CGS, BiCGStab, GMRES and FGMRES; the
-    /// methods with bounds refuse one. Default none.
+    /// `M⁻¹`. Read by CG, MINRES, LSQR and LSMR (`M` must be symmetric positive definite), and by CGS, BiCGStab, GMRES and FGMRES. The
+    /// methods with bounds refuse a preconditioner. Default none.
     pub preconditioner: Option<Arc<dyn Preconditioner>>,
     /// The side of the preconditioner. Read by GMRES; the other methods refuse [`Side::Left`] together with a preconditioner. Default
     /// right.
@@ -72,7 +72,7 @@ pub struct SolveOptions {
     /// The upper bound of the box. Read by Jacobi, FISTA and krylov-box. Default 1.
     pub upper: f64,
     /// `D = A 1`, the white photo, of length `n`. It scales the steps and the first iterate. Read by Jacobi, FISTA, krylov-box, MRNSD and
-    /// the multiplicative method. With the default `None`, the method first takes it, for one product.
+    /// the multiplicative method. With the default `None`, the method first takes the white photo, which costs one product.
     pub diagonal: Option<Vec<f64>>,
     /// The approximation of `A` on directions that no product has explored yet. Read by krylov-box. Default none: a multiple of `D`.
     pub surrogate: Option<Arc<dyn Surrogate>>,
@@ -98,12 +98,12 @@ impl Default for SolveOptions {
 }
 
 impl SolveOptions {
-    /// The residual norm that reaches the tolerance, given `‖b‖`.
+    /// The residual norm that meets the tolerance, given `‖b‖`.
     pub(crate) fn target(&self, rhs_norm: f64) -> f64 {
         self.rtol * rhs_norm + self.atol
     }
 
-    /// Refuses values that no method accepts.
+    /// Refuses option values that no method accepts.
     pub(crate) fn check(&self) -> Result<()> {
         let refuse = |option: &str, fault: String, help: &str| Err(Error::option(option, fault).help(help));
         if self.products == 0 {
@@ -130,7 +130,7 @@ impl SolveOptions {
 pub enum Advance {
     /// Further steps can improve the iterate.
     Continuing,
-    /// The method ends here, for this reason.
+    /// The method ends here, with this status.
     Ended(Status),
 }
 
@@ -139,9 +139,10 @@ pub enum Advance {
 pub struct SolveRow {
     /// The number of products so far.
     pub products: usize,
-    /// `‖b − A x‖ / ‖b‖` of the iterate after that product. It is absolute for `b = 0`, and infinite until the residual of `x0` is known.
+    /// `‖b − A x‖ / ‖b‖` of the iterate after the last of these products. It is absolute for `b = 0`, and infinite until the residual of
+    /// `x0` is known.
     pub residual: f64,
-    /// The smallest residual so far. It is the residual of the solution if the budget ends here.
+    /// The smallest residual so far. If the budget ends here, it is the residual of the solution.
     pub best: f64,
 }
 
@@ -154,16 +155,16 @@ pub struct Solution {
     pub residual: f64,
     /// A row for each product of this run.
     pub history: Vec<SolveRow>,
-    /// The total number of products, and the reason for the end.
+    /// The total number of products, and the reason why the solver ended.
     pub stats: Stats,
 }
 
-/// Takes steps until the tolerance is reached, the residual is at the noise floor, the budget is spent, the operator's observer stops it,
-/// or the method itself ends. The observer sees each product ([`Estimate::Solution`]). `options` should be the options that the solver was
-/// made with; this function reads `products`, `rtol`, `atol` and `noise`. `products` includes the products already taken.
+/// Takes steps until the tolerance is reached, the residual is at the noise floor, the budget is spent, the operator's observer stops the
+/// solver, or the method itself ends. The observer sees each product ([`Estimate::Solution`]). `options` should be the options that the
+/// solver was made with; this function reads `products`, `rtol`, `atol` and `noise`. `products` includes the products already taken.
 ///
 /// # Errors
-/// The errors of [`Solver::step`]. The solver then holds everything up to the product that failed: its [`solution`](Solver::solution) is
+/// The errors of [`Solver::step`]. The solver then holds all steps up to the product that failed: its [`solution`](Solver::solution) is
 /// valid, and another call continues from there.
 pub fn solve_from(
     solver: &mut Solver,
@@ -229,8 +230,8 @@ pub fn solve_from(
     })
 }
 
-/// Wraps an operator without a transpose for a caller that needs an [`Adjoint`]. A symmetric operator is equal to its transpose; for any
-/// other operator, a product with the transpose is an error.
+/// Wraps an operator without a transpose for a caller that needs an [`Adjoint`]. A symmetric operator is its own transpose. For any other
+/// operator, a product with the transpose is an error.
 pub struct ForwardOnly<'a>(pub &'a mut dyn Operator);
 
 impl ForwardOnly<'_> {
@@ -264,7 +265,7 @@ impl Adjoint for ForwardOnly<'_> {
 pub struct Solver {
     system: System,
     recurrence: Box<dyn Recurrence>,
-    /// The name of a method that needs a symmetric operator.
+    /// The name of the method if it needs a symmetric operator.
     symmetric: Option<&'static str>,
 }
 
@@ -273,7 +274,7 @@ impl Solver {
         Self { system, recurrence: Box::new(recurrence), symmetric: None }
     }
 
-    /// The same for a method of this name that refuses an operator that is not symmetric.
+    /// Makes the solver refuse an operator that is not symmetric. `method` names the method in the error.
     pub(crate) fn symmetric(self, method: &'static str) -> Self {
         Self { symmetric: Some(method), ..self }
     }
@@ -283,8 +284,8 @@ impl Solver {
     /// # Errors
     /// The error of the product, and [`Error::Numerical`] for a product that holds NaN. The state is then as before the step, and the step
     /// can be taken again with bitwise equal results. [`Error::Dimension`] if the operator does not fit. [`Error::Numerical`] if the method
-    /// needs a symmetric operator and this one is not declared symmetric. The error of the preconditioner; in this case a product may be
-    /// lost.
+    /// needs a symmetric operator and this operator is not declared symmetric. The error of the preconditioner; in this case a product may
+    /// be lost.
     pub fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
         self.system.fits(operator)?;
         if let Some(method) = self.symmetric
@@ -302,13 +303,13 @@ impl Solver {
         self.system.tally()
     }
 
-    /// The best iterate so far, of length `cols`; its residual norm is [`Tally::best`]. Takes no product.
+    /// The best iterate so far, of length `cols`. Its residual norm is [`Tally::best`]. Takes no product.
     pub fn solution(&self) -> Vec<f64> {
         self.system.undivided(self.recurrence.iterate(&self.system))
     }
 }
 
-/// The part of a [`Solver`] in which methods differ: what a step does with the system.
+/// The part of a [`Solver`] that differs between methods: the recurrence of the iterates.
 pub(crate) trait Recurrence {
     /// Takes one step: at most one product.
     fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance>;

@@ -9,7 +9,7 @@ use crate::operator::Adjoint;
 
 /// Conjugate gradients: solves `A x = b` for a symmetric positive definite `A` of `n × n`.
 ///
-/// With a symmetric positive definite `M` it is conjugate gradients on `M^-½ A M^-½`, without computing the roots.
+/// With a symmetric positive definite `M`, the method is conjugate gradients on `M^-½ A M^-½`, without computing the roots.
 ///
 /// `‖x − A⁻¹b‖_A` falls monotonically. `‖r‖` may rise, so the best iterate is returned. A step takes one product. The method ends with
 /// [`Status::Breakdown`] if a curvature `pᵀAp ≤ 0` shows that `A` is not positive definite. It ends with [`Status::NotSymmetric`] if
@@ -45,9 +45,9 @@ impl Cg {
     }
 }
 
-/// The asymmetry that is tolerated in `uᵀ A v`, relative to `‖u‖ ‖A v‖`. The last product was `A v`, with this standard error and this
-/// length. Rounding causes an asymmetry of 1e-16 times a growth that stays small before convergence, so a value above 1e-6 is not rounding.
-/// Noise causes an asymmetry of the size of the noise.
+/// The tolerated asymmetry of `uᵀ A v`, relative to `‖u‖ ‖A v‖`. `error` and `length` are the standard error and the length of the last
+/// product `A v`. Rounding causes an asymmetry of 1e-16 times a growth factor that stays small before convergence, so an asymmetry above
+/// 1e-6 is not caused by rounding. Noise causes an asymmetry of the size of the noise.
 pub(super) fn symmetry_tolerance(noise: f64, error: f64, length: f64) -> f64 {
     (10.0 * noise.max(error / length)).max(1e-6)
 }
@@ -92,25 +92,24 @@ impl Recurrence for Cg {
     }
 }
 
-/// At `‖A r‖ ≤ 1e-10 ‖A‖ ‖r‖` no better `x` exists within double precision.
+/// If `‖A r‖ ≤ 1e-10 ‖A‖ ‖r‖`, no better `x` exists within double precision.
 pub(super) const LEAST_SQUARES: f64 = 1e-10;
 
-/// In exact arithmetic the residual never rises. If it rises by more than the rounding of its norm, the
-/// Lanczos vectors have lost their orthogonality to the remaining least-squares residual. Further steps would
-/// only increase it (Choi, Paige and Saunders (2011), doi:10.1137/100787921).
+/// In exact arithmetic the residual never rises. If it rises by more than the rounding of its norm, the Lanczos vectors are no longer
+/// orthogonal to the remaining least-squares residual. Further steps would only increase the residual (Choi, Paige and Saunders (2011),
+/// doi:10.1137/100787921).
 const RISE: f64 = 1e-14;
 
 /// MINRES: solves `min ‖b − A x‖₂` for a symmetric `A` of `n × n`, definite or not.
 ///
-/// With a symmetric positive definite `M` it minimizes `‖b − A x‖` in the norm of `M⁻¹`. It is MINRES on
-/// `M^-½ A M^-½` without computing the roots, so symmetry is kept. With `M = D` this is symmetric scaling.
+/// With a symmetric positive definite `M`, the method minimizes `‖b − A x‖` in the norm of `M⁻¹`. It is MINRES on `M^-½ A M^-½` without
+/// computing the roots, so symmetry is kept. With `M = D`, this scales the system symmetrically.
 ///
-/// `‖r‖` in the norm of `M⁻¹` falls monotonically. Without a preconditioner this is the reported residual;
-/// with one, the best iterate in the 2-norm is returned. The true residual comes from a recurrence and costs
-/// no product. A step takes one product. The method ends where `‖A r‖` vanishes (a least-squares solution of
-/// a singular system). It also ends where `v_{j−1}ᵀ A v_j` differs from `β_j` by more than rounding or noise
-/// (the operator is not symmetric). The method stores twelve `n`-vectors: `b, x`, the best `x`, `r`, two
-/// Lanczos vectors, these two and the next one preconditioned, two directions, and a product.
+/// `‖r‖` in the norm of `M⁻¹` falls monotonically. Without a preconditioner, this norm is the reported residual. With a preconditioner, the
+/// best iterate in the 2-norm is returned. The true residual comes from a recurrence and costs no product. A step takes one product. The
+/// method ends where `‖A r‖` vanishes (a least-squares solution of a singular system). It also ends where `v_{j−1}ᵀ A v_j` differs from
+/// `β_j` by more than rounding or noise (the operator is not symmetric). The method stores twelve `n`-vectors: `b, x`, the best `x`, `r`,
+/// two Lanczos vectors, three preconditioned Lanczos vectors (these two and the next), two directions, and a product.
 ///
 /// References: O'Toole and Kutulakos, section 6, use it for light transport compensation. Paige and Saunders
 /// (1975), doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements and Fast
@@ -126,7 +125,7 @@ pub struct Minres {
     /// The directions of the two previous steps.
     w_old: Vec<f64>,
     w: Vec<f64>,
-    /// `β_j`, and `η`, the signed norm of the residual in `M⁻¹`.
+    /// `β_j`, and `η`, the signed residual norm in the metric of `M⁻¹`.
     beta: f64,
     eta: f64,
     /// The last two rotations.
@@ -140,9 +139,8 @@ pub struct Minres {
 }
 
 impl Minres {
-    /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to
-    /// judge symmetry, `noise` of the options. Fails with the errors of
-    /// [`Cg::solver`](crate::krylov::linear::Cg::solver).
+    /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge symmetry, `noise` of the
+    /// options. Fails with the errors of [`Cg::solver`](crate::krylov::linear::Cg::solver).
     pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let zero = vec![0.0; b.len()];
         let system = System::split("MINRES", true, b.len(), b, options)?;
@@ -165,7 +163,7 @@ impl Minres {
         Ok(Solver::new(system, recurrence).symmetric("MINRES"))
     }
 
-    /// Makes the first Lanczos vector, `r / ‖r‖` in the norm of `M⁻¹`.
+    /// Makes the first Lanczos vector, which is `r / ‖r‖` in the norm of `M⁻¹`.
     fn start(&mut self, system: &System) -> Result<Option<Status>> {
         system.inverse.apply(&system.r, &mut self.z)?;
         let square = dot(&system.r, &self.z);
@@ -216,13 +214,13 @@ impl Recurrence for Minres {
         }
         self.scale = self.scale.max(alpha.hypot(beta).hypot(beta_next));
         if beta_next <= f64::EPSILON * 10.0 * self.scale {
-            // The subspace is invariant: only rounding errors of the vector remain.
+            // The subspace is invariant: the next vector consists only of rounding errors.
             beta_next = 0.0;
         }
         let [c1, c0] = self.cosines;
         let [s1, s0] = self.sines;
         let diagonal = c1 * alpha - c0 * s1 * beta;
-        // ‖A r‖ is ‖r‖ times this value, for the residual before this step.
+        // This value times ‖r‖ is ‖A r‖, for the residual r before this step.
         let gradient = diagonal.hypot(c1 * beta_next);
         let (c, s, rho) = rotation(diagonal, beta_next);
         if gradient <= LEAST_SQUARES * self.scale || rho == 0.0 {

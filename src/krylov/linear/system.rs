@@ -1,4 +1,4 @@
-//! The state of all solvers: the system, the iterate and its residual. Products are counted and checked.
+//! The state of all solvers: the system, the iterate and the residual. This module also counts and checks all products.
 
 use std::sync::Arc;
 
@@ -18,18 +18,18 @@ pub struct Tally {
     pub rhs_norm: f64,
     /// `‖b − A x‖` of the current iterate; infinite until the residual of `x0` is known.
     pub residual: f64,
-    /// The smallest residual norm so far. It belongs to the solution that would be returned now.
+    /// The smallest residual norm so far, which is the residual norm of the best iterate.
     pub best: f64,
     /// The relative noise `‖y − A v‖ / ‖y‖` of the least noisy product so far, from the errors that the operator states
-    /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)); 0 if it states none.
+    /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)); 0 if the operator states no errors.
     pub noise: f64,
-    /// Products are divided by 2 to this power; `None` before the first product that is not zero.
+    /// The exponent of the power of two that divides products; `None` before the first product that is not zero.
     pub(crate) operator_power: Option<i32>,
-    /// The last product was multiplied by 2 to this power.
+    /// The exponent of the power of two that multiplied the last product.
     multiplied: i32,
 }
 
-/// Vectors from `2^-NEAR` to `2^NEAR` are multiplied without scaling until the size of the operator is known.
+/// Until the size of the operator is known, vectors of norm `2^-NEAR` to `2^NEAR` are multiplied without scaling.
 const NEAR: i32 = 32;
 
 /// A product whose length is beyond `2^±FAR` is near the ends of double precision.
@@ -51,8 +51,9 @@ impl Tally {
         self.take(operator, y, x, |operator, y, x| operator.apply_adjoint(y, x))
     }
 
-    /// Takes a product with `of`. The vector is first scaled to about length 1 in two cases: the operator is not of ordinary size, or its
-    /// size is unknown and the vector is not of ordinary size. Otherwise the product would leave the range of double precision.
+    /// Takes a product with the vector `of`. The vector is first scaled to about length 1 in two cases: the operator is not of ordinary
+    /// size, or the operator's size is unknown and the vector is not of ordinary size. Without scaling, the product would leave the range
+    /// of double precision.
     fn take(
         &mut self,
         operator: &mut dyn Adjoint,
@@ -98,7 +99,7 @@ impl Tally {
         Ok(())
     }
 
-    /// The standard error of the last product, divided like the product.
+    /// The standard error of the last product, scaled by the same power of two as the product.
     pub(crate) fn standard_error(&self, operator: &dyn Adjoint) -> f64 {
         scaled(operator.standard_error(), self.multiplied)
     }
@@ -106,20 +107,20 @@ impl Tally {
 
 /// The system `A x = b` with its preconditioner, the iterate and its residual `r = b − A x`, and the best iterate so far.
 ///
-/// `A` and `b` are divided by two powers of two, so that their numbers are of ordinary size. With the exponents `a` and `b`, the iterate is
-/// then `x · 2^(a − b)`. Both are 0 for systems of ordinary size.
+/// `A` and `b` are divided by powers of two with the exponents `p` and `q`, so that their numbers are of ordinary size. The stored iterate
+/// is then `x · 2^(p − q)`. Both exponents are 0 for systems of ordinary size.
 pub struct System {
     pub(crate) b: Vec<f64>,
     pub(crate) x: Vec<f64>,
-    /// `b − A x`; not yet valid while `pending`.
+    /// `b − A x`, which is not valid while `pending` is true.
     pub(crate) r: Vec<f64>,
     pub(crate) tally: Tally,
     /// True if the residual of `x0` has not been taken yet.
     pub(crate) pending: bool,
     pub(super) best: Vec<f64>,
-    /// `b`, `r` and the norms of the tally are divided by 2 to this power.
+    /// The exponent of the power of two that divides `b`, `r` and the norms of the tally.
     pub(crate) rhs_power: i32,
-    /// True if the iterate is divided as well. A first iterate is not divided until the operator's power is known.
+    /// True if the iterate is scaled as well. A first iterate is not scaled until the operator's power of two is known.
     is_divided: bool,
     pub(crate) work: Vec<f64>,
     pub(crate) inverse: Inverse,
@@ -183,8 +184,8 @@ impl System {
         })
     }
 
-    /// Makes the system like [`System::new`] for `method`, which preconditions on the right or on both sides. `is_definite` is true if the
-    /// method needs a symmetric positive definite preconditioner.
+    /// Makes the system like [`System::new`] for `method`, whose preconditioner is on the right or split between both sides. `is_definite`
+    /// is true if the method needs a symmetric positive definite preconditioner.
     pub(crate) fn split(
         method: &str,
         is_definite: bool,
@@ -206,8 +207,8 @@ impl System {
         }
     }
 
-    /// Divides the first iterate once the operator's power is known. If the operator's products were zero so far, the power is 0 from now
-    /// on. Returns the power by which the iterate is multiplied.
+    /// Scales the first iterate once the operator's power of two is known. If the operator's products were zero so far, the exponent is set
+    /// to 0. Returns the exponent of the power of two that multiplied the iterate.
     pub(crate) fn divide(&mut self) -> Result<i32> {
         let shift = *self.tally.operator_power.get_or_insert(0) - self.rhs_power;
         if !std::mem::replace(&mut self.is_divided, true) {
@@ -218,7 +219,7 @@ impl System {
         Ok(shift)
     }
 
-    /// Multiplies all values of the size of `b` by a power of two.
+    /// Multiplies `b`, and all values in the unit of `b`, by a power of two.
     pub(crate) fn multiply_rhs(&mut self, power: i32) {
         self.rhs_power -= power;
         scale(&mut self.b, power);
@@ -229,14 +230,14 @@ impl System {
         }
     }
 
-    /// Refuses an operator of another shape.
+    /// Refuses an operator whose shape does not fit the system.
     pub(crate) fn fits(&self, operator: &dyn Adjoint) -> Result<()> {
         let expected = format!("{}x{}", self.b.len(), self.x.len());
         let found = format!("{}x{}", operator.rows(), operator.cols());
         Error::check_size("the operator of a linear system", expected, found)
     }
 
-    /// Takes the residual of the first iterate if it is not known yet: one product. Returns true if this call took it.
+    /// Takes the residual of the first iterate if it is not known yet: one product. Returns true if this call took the residual.
     pub(crate) fn open(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
         let pending = self.pending;
         if pending {
@@ -255,22 +256,22 @@ impl System {
         Ok(())
     }
 
-    /// `r ← b − A x` for the product `A x` in `work`, which gives the residual of the iterate.
+    /// `r ← b − A x`, for the product `A x` in `work`.
     pub(crate) fn settle(&mut self) {
         update2(&mut self.r, &self.b, &self.work, |_, b, y| b - y);
         self.pending = false;
         self.note_residual();
     }
 
-    /// Records the norm of `r`, and returns it.
+    /// Records and returns the norm of `r`.
     pub(crate) fn note_residual(&mut self) -> f64 {
         let residual = norm(&self.r);
         self.note(residual);
         residual
     }
 
-    /// Records the residual norm of the current iterate, and keeps the iterate if it is the best. If two are equal to rounding, the later
-    /// one is better: when `‖r‖` has reached the residual of a least-squares solution, `x` still converges.
+    /// Records the residual norm of the current iterate, and keeps the iterate if it is the best so far. If two residual norms are equal to
+    /// rounding, the later iterate is better: when `‖r‖` has reached the residual of a least-squares solution, `x` still converges.
     pub(crate) fn note(&mut self, residual: f64) {
         self.tally.residual = residual;
         if residual <= self.tally.best * (1.0 + 1e-12) {
@@ -279,7 +280,7 @@ impl System {
         }
     }
 
-    /// An iterate in the caller's units.
+    /// Converts an iterate to the caller's units.
     pub(crate) fn undivided(&self, mut x: Vec<f64>) -> Vec<f64> {
         if self.is_divided {
             scale(&mut x, self.rhs_power - self.tally.operator_power.unwrap_or(0));
@@ -300,7 +301,7 @@ pub(crate) fn square(rows: usize, cols: usize) -> Result<()> {
     Error::check_size("the operator of a square system, in rows", cols, rows)
 }
 
-/// `(c, s, ρ)` with `[c s; −s c] [a; b] = [ρ; 0]`, `ρ ≥ 0`; the identity for `a = b = 0`.
+/// Returns `(c, s, ρ)` with `[c s; −s c] [a; b] = [ρ; 0]`, `ρ ≥ 0`. For `a = b = 0`, it is the identity.
 pub(super) fn rotation(a: f64, b: f64) -> (f64, f64, f64) {
     let length = a.hypot(b);
     if length == 0.0 { (1.0, 0.0, 0.0) } else { (a / length, b / length, length) }

@@ -11,7 +11,7 @@ use crate::krylov::powers::finite_product;
 use crate::krylov::start::{seed_of, seeded};
 use crate::operator::Adjoint;
 
-/// One approximate triplet in the coordinates of the two bases.
+/// One approximate singular triplet, in the coordinates of the two bases.
 pub(super) struct Triplet {
     pub(super) value: f64,
     /// The coefficients of `u` on the left basis.
@@ -19,9 +19,9 @@ pub(super) struct Triplet {
     /// The coefficients of `v` on the right basis.
     q: Vec<f64>,
     pub(super) residual: f64,
-    /// The distance to the nearest other value, minus the residual of that value.
+    /// The distance to the nearest other value, minus the residual of that other value.
     gap: f64,
-    /// The errors of the products in the residual (`noise`), and in the value (`standard_error`).
+    /// The standard errors of the residual (`noise`) and of the value (`standard_error`), due to the errors of the products.
     noise: f64,
     pub(super) standard_error: f64,
 }
@@ -37,19 +37,19 @@ pub(super) struct GolubKahan {
     /// Known vectors, then the vectors of the process.
     right: Basis,
     known: usize,
-    /// The next right vector, times its norm; zero if there is none.
+    /// The next right vector, times its norm; zero if there is no next vector.
     next: Vec<f64>,
     length: f64,
-    /// The part of the last product with `Aᵀ` outside the right basis, along the next right vector; 0 if that vector is random.
+    /// The norm of the part of the last product with `Aᵀ` outside the right basis. It is 0 if the next right vector is random.
     beta: f64,
-    /// The seed of the random vectors that continue the process when its subspace is invariant, and the number of vectors drawn.
+    /// The seed of the random vectors that continue the process if its subspace is invariant, and the number of vectors drawn.
     seed: u64,
     draws: u64,
     /// Column `j` of `R` has the coefficients of `A v_j` on the left basis. Row `i` of `L` has the coefficients of `Aᵀ u_i` on the right
     /// basis.
     forth: Vec<Vec<f64>>,
     back: Vec<Vec<f64>>,
-    /// The stated errors of these products.
+    /// The stated errors of the products with `A` (`forth`) and with `Aᵀ` (`back`).
     forth_errors: Vec<f64>,
     back_errors: Vec<f64>,
     pub(super) products: usize,
@@ -97,7 +97,7 @@ impl GolubKahan {
         }
     }
 
-    /// Continues from a random vector orthogonal to the right basis, if there is one.
+    /// Continues from a random vector orthogonal to the right basis, if there is such a vector.
     fn draw(&mut self) {
         (self.length, self.beta) = (0.0, 0.0);
         let n = self.next.len();
@@ -118,8 +118,8 @@ impl GolubKahan {
         }
     }
 
-    /// Returns true if the products determine the whole matrix on the complement of the known vectors. This holds if all patterns are
-    /// spanned. It also holds if all photos are spanned and their products with the transpose are within the right basis.
+    /// Returns true if the products determine the whole matrix on the complement of the known vectors. This holds if the right basis spans
+    /// all patterns. It also holds if the left basis spans all photos, and their products with `Aᵀ` lie within the right basis.
     pub(super) fn is_exhausted(&self) -> bool {
         self.length == 0.0 || (self.left.len() == self.left.rows() && self.beta == 0.0)
     }
@@ -129,17 +129,18 @@ impl GolubKahan {
         self.draws > 0
     }
 
-    /// The number of patterns of the process, without known vectors.
+    /// The number of right vectors (patterns) of the process, without known vectors.
     pub(super) fn steps(&self) -> usize {
         self.right.len() - self.known
     }
 
-    /// The largest error that the operator stated for a product; 0 if it states none.
+    /// The largest error that the operator stated for a product, or 0 if the operator states no errors.
     pub(super) fn largest_error(&self) -> f64 {
         self.forth_errors.iter().chain(&self.back_errors).copied().fold(0.0, f64::max)
     }
 
-    /// Takes a product with `A` and one with `Aᵀ`, or only the first if it shows nothing new. The process must not be exhausted.
+    /// Takes a product with `A`, and also a product with `Aᵀ` if the first product is not in the span of the left basis. The process must
+    /// not be exhausted.
     pub(super) fn step(&mut self, operator: &mut dyn Adjoint) -> Result<()> {
         self.right.push_scaled(&self.next, self.length);
         let mut photo = vec![0.0; self.left.rows()];
@@ -189,7 +190,7 @@ impl GolubKahan {
         }
     }
 
-    /// `R` and `L`, with one row or column for each vector of the two bases.
+    /// `R` and `L`, with one row for each left vector and one column for each right vector.
     fn both(&self) -> [Mat<f64>; 2] {
         let (rows, cols) = (self.left.len(), self.steps());
         let entry = |list: &[Vec<f64>], at: usize, of: usize| {
@@ -211,7 +212,7 @@ impl GolubKahan {
             ))
         })?;
         let values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
-        // The last product with the transpose left a vector that is not in the right basis yet.
+        // The norm of the last product's part along the next right vector, which is not in the right basis yet.
         let waiting = self.beta;
         let mut found = Vec::new();
         for (k, &value) in values.iter().enumerate() {
@@ -249,13 +250,14 @@ impl GolubKahan {
         Ok(found)
     }
 
-    /// `‖E s‖` for a combination of products with these stated errors, or with the noise of the options if it is larger.
+    /// The standard error `‖E s‖` of a combination `s` of products with these stated errors, or with the noise of the options if it is
+    /// larger.
     fn error(&self, stated: &[f64], s: &[f64], options: &SingularOptions) -> f64 {
         let squares = stated.iter().zip(s).map(|(error, s)| (error.max(options.noise) * s).powi(2));
         squares.sum::<f64>().sqrt()
     }
 
-    /// The reason why these triplets need no further product, if they need none.
+    /// Returns the status to end with if these triplets need no further product, and `None` otherwise.
     pub(super) fn good_enough(&self, triplets: &[Triplet], options: &SingularOptions) -> Option<Status> {
         if triplets.len() < options.count || options.tolerance <= 0.0 {
             return None;
@@ -281,7 +283,7 @@ impl GolubKahan {
         }
     }
 
-    /// The photo and the pattern of a triplet. The pattern's entry of largest magnitude is positive.
+    /// The photo and the pattern of a triplet. The entry of largest magnitude of the pattern is positive.
     pub(super) fn vectors(&self, triplet: &Triplet) -> [Vec<f64>; 2] {
         let combine = |basis: &Basis, s: &[f64]| {
             let mut sum = vec![0.0; basis.rows()];
@@ -295,7 +297,7 @@ impl GolubKahan {
         [photo, pattern]
     }
 
-    /// `‖R − L‖_F / ‖R‖_F`
+    /// `‖R − L‖_F / ‖R‖_F` (see `Singular::disagreement`).
     pub(super) fn disagreement(&self) -> f64 {
         let [forth, back] = self.both();
         let norm = forth.norm_l2();

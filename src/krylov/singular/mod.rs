@@ -22,18 +22,18 @@ use crate::operator::Adjoint;
 pub struct SingularOptions {
     /// The number of singular values, the largest first. Default 6.
     pub count: usize,
-    /// The most products with `A` and `Aᵀ` together. Default 50.
+    /// The largest number of products with `A` and `Aᵀ` together. Default 50.
     pub products: usize,
     /// The search ends when each residual is at most this share of the largest singular value. Default 1e-8. If the noise of the products
-    /// is above it, the search ends when two conditions hold: more products would change no value by more than its standard error, and
-    /// `½ ln n` further pairs of products have found no value that the noise had hidden.
+    /// is above this tolerance, the search ends when two conditions hold: more products would change no value by more than its standard
+    /// error, and `½ ln n` further pairs of products have found no value that the noise had hidden.
     pub tolerance: f64,
-    /// The norm of the error of a product with a unit vector, if the operator does not state it. Default 0.
+    /// The norm of the error of a product with a unit vector, for an operator that does not state its errors. Default 0.
     pub noise: f64,
     /// The first right vector.
     pub start: Start,
-    /// The confirmation of the search by further products ([`confirm_singular`]). With the default none, the remaining products confirm
-    /// only a search whose subspace became invariant before its end.
+    /// The confirmation of the search by further products ([`confirm_singular`]). The default is `None`: the remaining products confirm the
+    /// search only if its subspace became invariant before its end.
     pub confirm: Option<Confirm>,
 }
 
@@ -50,17 +50,17 @@ pub struct Singular {
     pub values: Vec<f64>,
     /// `u`, of length `rows` and norm 1: photos.
     pub left: Vec<Vec<f64>>,
-    /// `v`, of length `cols` and norm 1, with a positive entry of largest magnitude: patterns.
+    /// `v`, of length `cols` and norm 1: patterns. The entry of largest magnitude is positive.
     pub right: Vec<Vec<f64>>,
-    /// `√((‖A v − σ u‖² + ‖Aᵀ u − σ v‖²)/2)` from the products already taken. A singular value of `A` is within this distance.
+    /// `√((‖A v − σ u‖² + ‖Aᵀ u − σ v‖²)/2)` from the products already taken. A singular value of `A` lies within this distance of `σ`.
     pub residuals: Vec<f64>,
     /// The standard error of each value due to the noise of the products; 0 if no error is known.
     pub standard_errors: Vec<f64>,
     /// The status of each triplet.
     pub statuses: Vec<PairStatus>,
     /// `‖R − L‖_F / ‖R‖_F`, where `R = UᵀAV` comes from the products with `A`, and `L` is the same matrix from the products with `Aᵀ`. It
-    /// measures how far the latter differ from products with the transpose. It is about 1e-16 for a matrix in memory; with noise it is the
-    /// noise, and more if the exchanged devices differ.
+    /// measures how far the products with `Aᵀ` differ from products with the true transpose. It is about 1e-16 for a matrix in memory. For
+    /// noisy products it is their relative noise, and more if the exchanged devices differ.
     pub disagreement: f64,
     /// A row for each pair of products.
     pub history: Vec<HistoryRow>,
@@ -68,24 +68,24 @@ pub struct Singular {
     pub stats: Stats,
     /// The claim about singular values that the search may have missed.
     pub completeness: Completeness,
-    /// The number of products that confirmed the search; `stats` includes them if the same call took them.
+    /// The number of products that confirmed the search. `stats` includes them if the same call took them.
     pub confirming: usize,
 }
 
 /// Finds the largest singular values of `A` (`rows × cols`) and their vectors.
 ///
-/// The process begins with a first right vector. `u_j` is `A v_j` and `v_{j+1}` is `Aᵀ u_j`, each orthogonal to all before; a step takes
-/// two products. In exact arithmetic `A V = U B` for an upper bidiagonal `B` with the wanted singular values. The process keeps all
-/// coefficients: `R` of the products with `A` and `L` of the products with `Aᵀ`. The answer comes from their mean, which has less noise
-/// than either.
+/// The process begins with a first right vector. `u_j` is `A v_j` and `v_{j+1}` is `Aᵀ u_j`, each orthogonalized against all earlier
+/// vectors and normalized. A step takes two products. In exact arithmetic, `A V = U B` for an upper bidiagonal `B` with the wanted singular
+/// values. The process keeps all coefficients: `R` of the products with `A` and `L` of the products with `Aᵀ`. The singular values come
+/// from the mean of `R` and `L`, which has less noise than either matrix.
 ///
-/// In exact arithmetic this equals Lanczos for `AᵀA`, but it does not square the errors. The method stores `m + 2` vectors for `m`
+/// In exact arithmetic, the process equals Lanczos for `AᵀA`, but it does not square the errors. The method stores `m + 2` vectors for `m`
 /// products.
 ///
 /// References: Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix* (1965), doi:10.1137/0702016.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--count` or `--photos`; [`Error::Dimension`] for a start of another length; [`Error::Numerical`] for NaN and a
+/// [`Error::Option`] naming `--count` or `--photos`; [`Error::Dimension`] for a start of another length; [`Error::Numerical`] for NaN or a
 /// start of zeros; the error of a product.
 pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<Singular> {
     let mut operator = Rescaled::new(operator);
@@ -97,7 +97,7 @@ pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result
     Ok(found)
 }
 
-/// Does the work of [`singular`], for an operator of ordinary size.
+/// Does the work of [`singular`] for an operator of ordinary size.
 fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<Singular> {
     options.check()?;
     let mut process = GolubKahan::new(operator.rows(), operator.cols(), options)?;
@@ -185,8 +185,9 @@ fn answer(
     }
 }
 
-/// Confirms singular values, like [`confirm`](crate::krylov::confirm()) for eigenvalues, here `σ²` of `AᵀA`: none above `√(σ_k² + ε σ_1²)`
-/// is missed. Each step takes one product with `A` and one with `Aᵀ`. Fails with the errors of [`confirm`](crate::krylov::confirm()).
+/// Confirms that no singular value above `√(σ_k² + ε σ_1²)` is missed. Works like [`confirm`](crate::krylov::confirm()), for the
+/// eigenvalues `σ²` of `AᵀA`. Each step takes one product with `A` and one with `Aᵀ`. Fails with the errors of
+/// [`confirm`](crate::krylov::confirm()).
 pub fn confirm_singular(
     operator: &mut dyn Adjoint,
     found: &mut Singular,
@@ -221,9 +222,9 @@ struct Confirmation<'a> {
     operator: &'a mut dyn Adjoint,
     options: &'a SingularOptions,
     found: &'a mut Singular,
-    /// The error of a product with a unit vector, if the operator does not state it.
+    /// The norm of the error of a product with a unit vector, for an operator that does not state its errors.
     noise: f64,
-    /// The most products, and the number so far.
+    /// The largest number of products, and the number of products so far.
     most: usize,
     products: usize,
 }
