@@ -12,8 +12,8 @@ const POOLED: f64 = 1.5;
 /// of the entries. It does not contain errors that both halves share, such as those of a photon map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Noise {
-    /// The standard error of the photo under an all-ones pattern, pixel by pixel, in W/(m² sr), without ambient light. Each value is `|e|`
-    /// of a single draw; only the mean square over many pixels is accurate.
+    /// The errors of the photo under an all-ones pattern, pixel by pixel, in W/(m² sr), without ambient light. Each value is `|e|` of a
+    /// single draw, so only the mean square over many pixels is accurate.
     pub white: Image,
     /// The root mean square of `white` over the pixels, relative to the root mean square of the photo.
     pub white_relative: f64,
