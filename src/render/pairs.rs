@@ -12,8 +12,8 @@ use crate::scene::Triangle;
 /// Rounding would then decide which side of the triangle the pinhole sees.
 const EDGE_ON: f64 = 1e-4;
 
-/// The largest surface of a box around a pair, relative to the sum of the surfaces of both triangles' boxes. The
-/// halves of a parallelogram have 0.5 to 0.6. With a limit of 1 instead of 0.6 to 0.8, rays took 3 to 7 % longer.
+/// The maximum surface area of a pair's bounding box, relative to the sum of the surface areas of both triangles' bounding boxes. The
+/// halves of a parallelogram have a ratio of 0.5 to 0.6. With a limit of 1 instead of 0.6 to 0.8, rays took 3 to 7 % longer.
 const CLOSE: f64 = 0.75;
 
 #[derive(Clone, Debug, PartialEq)]
