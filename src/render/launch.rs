@@ -73,9 +73,10 @@ impl<'a> StrategyRun<'a> {
         let capacity = dispatches.capacity(gpu, stride, strategy.max_paths_per_invocation, total);
         let bytes = record_bytes(&strategy.parameters, capacity);
         kernel.sizer.begin(PathWork::of(&strategy.parameters));
-        // While the host reads the records of one dispatch, the device writes the records of the next one to a second buffer. If the device
-        // is the processor itself, one buffer is faster, because the host then has all cores while it reads. A dispatch in flight would
-        // keep them busy: the driver gives each core an equal part of it, and all would wait for the core that the host also uses.
+        // While the host reads the records of one dispatch, the device writes the records of the next dispatch to a second buffer. If the
+        // device is the processor itself, a single buffer is faster, because no dispatch then runs while the host reads, and all cores are
+        // free for the host. A dispatch in flight would occupy them: the driver gives each core an equal part of it, and all cores would
+        // wait for the core that the host also uses.
         let wanted = if gpu.shares_memory { 1 } else { 2 };
         staging.retain(|buffers| buffers.bytes() >= bytes);
         staging.truncate(wanted);

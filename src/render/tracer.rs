@@ -35,7 +35,7 @@ pub struct Tracer {
     trust: Trust,
     staging: Vec<StagingBuffers>,
     observer: Arc<dyn Observer + Send + Sync>,
-    /// The scene in the other processes of a team, which trace parts of it.
+    /// The scene as an object of a team. The other processes of the team trace parts of it.
     remote: Option<Arc<Remote>>,
 }
 
