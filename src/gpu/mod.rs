@@ -1,4 +1,4 @@
-//! The graphics device: it is opened here, shaders are composed for it, and data is moved to and from it.
+//! The graphics device. This module opens it, composes shaders for it, and moves data to and from it.
 //! Only [`crate::render`] and the GPU matrix of [`crate::transport`] use these types.
 
 pub(crate) mod buffers;
