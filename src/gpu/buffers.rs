@@ -8,7 +8,7 @@ use wgpu::util::DeviceExt;
 use super::Gpu;
 use crate::error::{Error, Result};
 
-/// Bytes of one piece that [`Gpu::storage`] uploads; two pieces are in flight at a time.
+/// The size in bytes of the pieces that [`Gpu::storage`] uploads. Two pieces are in flight at a time.
 const PIECE: usize = 32 << 20;
 
 /// The number of texels in a row of a data texture. Shaders use it to split an index into column and row.

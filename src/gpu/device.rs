@@ -82,7 +82,7 @@ pub(crate) struct Gpu {
     /// that shares its memory; it was not measured whether this is faster.)
     pub(crate) shares_memory: bool,
     pub(crate) compiled: Option<Compiled>,
-    /// The driver's reason, once the device was lost or has failed outside of [`Gpu::guarded`].
+    /// The driver's reason, if the device was lost or failed outside of [`Gpu::guarded`].
     pub(crate) failure: Arc<OnceLock<String>>,
 }
 

@@ -87,8 +87,9 @@ fn the_light_buffer_gives_the_hits_of_the_search_tree() {
 fn small_and_large_tree_layouts_give_the_same_hits() {
     for small in [shipped("cornell"), shipped("carton")] {
         let mut large = small.clone();
-        // Added triangles with two equal corners, so that no ray meets them, lie on a lattice, so that the tree is not too deep. Its
-        // corners are between 1.25 and 1.44 units from the camera. The unit of length thus stays the same, and with it every bit of a path.
+        // The added triangles have two equal corners, so no ray hits them. They lie on a lattice, so that the tree is not too deep. The
+        // lattice's corners are between 1.25 and 1.44 units from the camera, so the unit of length stays the same, and with it every bit of
+        // a path.
         let (unit, camera) = (Unit::of(&small), &small.camera);
         large.triangles.extend((0..20_000).map(|at| {
             let [across, up] = [(at % 200) as f32 / 200.0 - 0.5, (at / 200) as f32 / 100.0 - 0.5];
