@@ -135,8 +135,7 @@ impl Image {
         (0..self.channels).map(|channel| self.plane(channel)).collect()
     }
 
-    /// The image in one channel; `None` if it has colours. This recognizes gray pictures that drawing programs save with three equal
-    /// channels.
+    /// The image in one channel; `None` if it has colours. Drawing programs save gray pictures with three equal channels.
     pub fn gray(&self) -> Option<Self> {
         let pixels = self.samples.chunks_exact(self.channels);
         let is_gray = pixels.clone().all(|pixel| pixel.iter().all(|sample| *sample == pixel[0]));
@@ -182,8 +181,7 @@ impl Blur {
 
     /// The blurred image `K x`. `x` and `K x` have `n` values each.
     pub fn apply(&self, x: &[f64]) -> Vec<f64> {
-        // The rows are convolved first, and then the columns. For each weight of the kernel, a shifted copy of a whole row is added, which
-        // is fast.
+        // Rows are convolved first, and then columns. For each weight of the kernel, a shifted copy of a whole row is added, which is fast.
         let (width, height) = (self.resolution.width, self.resolution.height);
         let reach = self.kernel.len() - 1;
         let mut rows = vec![0.0; x.len()];

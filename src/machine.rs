@@ -7,8 +7,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 use std::thread::{self, JoinHandle};
 
-/// The bytes of memory that this process may use. A container or `ulimit -v` may limit them. If the machine does not state the number, it
-/// is 8 GiB.
+/// The bytes of memory that this process may use, which a container or `ulimit -v` may limit; 8 GiB if the machine does not state it.
 pub(crate) fn memory() -> u64 {
     let of_container = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
     let stated = of_container.iter().filter_map(|path| fs::read_to_string(path).ok()?.trim().parse().ok());
@@ -37,8 +36,7 @@ fn address_space_in(limits: &str) -> Option<u64> {
 const MOST_THREADS: usize = 1024;
 const MOST_OF_CORE: usize = 4;
 
-/// The result of `work`; `None` if `work` panics. The panic is not printed. `work` must not leave behind half-changed data that is used
-/// later.
+/// The result of `work`; `None` if `work` panics, which is not printed. `work` must not leave behind half-changed data that is used later.
 pub(crate) fn unless_panics<T>(work: impl FnOnce() -> T) -> Option<T> {
     thread_local!(static IS_SILENT: Cell<bool> = const { Cell::new(false) });
     static HOOK: Once = Once::new();

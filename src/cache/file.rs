@@ -45,8 +45,7 @@ pub(super) struct Record {
     pub(super) checksum: String,
 }
 
-/// One channel of a layer in CSR form: row starts, columns and weights. For a symmetric matrix, it contains only the entries on and above
-/// the diagonal.
+/// One channel of a layer in CSR form: row starts, columns and weights. A symmetric matrix has only its entries on and above the diagonal.
 pub(super) type Rows = (Vec<u64>, Vec<u32>, Vec<f32>);
 
 #[derive(Debug)]

@@ -1,7 +1,7 @@
 //! Compiled kernels in the cache, one file per adapter and driver version.
 //!
-//! A driver trusts compiled kernels. Therefore a file is used only if it belongs to the running user, nobody else may write it, and its
-//! checksum is correct.
+//! A driver trusts compiled kernels. A file is used only if the running user owns it, nobody else may write it, and its checksum is
+//! correct.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -167,8 +167,7 @@ pub fn default_folder() -> Option<PathBuf> {
 }
 
 impl Cache {
-    /// A cache in `folder` of at most `limit` bytes. The folder is created when the first matrix is stored. Links in the folder are not
-    /// followed.
+    /// A cache in `folder` of at most `limit` bytes. Storing the first matrix creates the folder. Links in the folder are not followed.
     pub fn new(folder: impl Into<PathBuf>, limit: u64) -> Self {
         let folder = folder.into();
         crate::file::follow_no_links_below(&folder);
@@ -228,8 +227,7 @@ impl Cache {
         Ok(true)
     }
 
-    /// All matrices, ordered by key. If the folder does not exist, the list is empty. If the folder cannot be read, the call fails with
-    /// [`Error::Read`].
+    /// All matrices, ordered by key. If the folder does not exist, the list is empty. An unreadable folder gives [`Error::Read`].
     pub fn entries(&self) -> Result<Vec<Entry>> {
         let mut entries = BTreeMap::<String, Entry>::new();
         for path in self.listing()? {

@@ -28,8 +28,7 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |file| file.write_all(bytes))
 }
 
-/// Checks that `path` can be written, so that a long run fails early. If it cannot, the call fails with [`Error::Write`], which names
-/// `path`.
+/// Checks that `path` can be written, so that a long run fails early. If not, the call fails with [`Error::Write`] naming `path`.
 pub fn check_writable(path: &Path) -> Result<()> {
     let probe = || match Target::of(path)? {
         Target::Stream => OpenOptions::new().write(true).open(path).map(drop),

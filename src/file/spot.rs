@@ -140,8 +140,7 @@ pub(super) fn make_folder(path: &Path) -> io::Result<()> {
     parts.iter().try_fold(system::Folder::open(&top)?, make).map(drop)
 }
 
-/// The top folder above a path, and the parts of the path below it. A path that contains `..` counts as a path of the user, outside of all
-/// top folders.
+/// The top folder above a path, and the parts of the path below it. A path with `..` counts as a path of the user, outside of all tops.
 fn below_top(path: &Path) -> io::Result<Option<(PathBuf, Vec<PathBuf>)>> {
     let path = absolute(path)?;
     let tops = TOPS.lock().unwrap_or_else(PoisonError::into_inner);

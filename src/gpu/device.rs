@@ -18,8 +18,8 @@ const SOFTWARE: &str = "software";
 /// before the driver starts to evict data.
 const MEMORY_SHARE: u8 = 80;
 
-/// The maximum address space, in bytes, that a graphics driver reserves for a small scene. Software Vulkan worked with 600 MiB, and failed
-/// with 400 MiB.
+/// The maximum address space, in bytes, that a graphics driver reserves for a small scene. 600 MiB were enough for software Vulkan, and 400
+/// MiB were not.
 const ADDRESS_SPACE: u64 = 1 << 30;
 
 /// Name, driver and limits of an adapter.
@@ -105,8 +105,7 @@ impl Gpu {
             max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
             max_buffer_size: available.max_buffer_size,
             max_texture_dimension_2d: available.max_texture_dimension_2d,
-            // Geometry, textures, light buffer and photons are storage textures. The largest kernel has seven, and desktop drivers allow
-            // eight.
+            // Geometry, textures, light buffer and photons are storage textures. The largest kernel has seven. Desktop drivers allow eight.
             max_storage_textures_per_shader_stage: available.max_storage_textures_per_shader_stage.min(8),
             ..wgpu::Limits::default()
         };
@@ -128,8 +127,7 @@ impl Gpu {
                  processes (`ulimit -u`) or of address space (`ulimit -v`) may be too small for it",
             )
         })?;
-        // Without these two callbacks, wgpu would not report a lost device to krylux, and would end the process at an error outside of a
-        // scope.
+        // Without these callbacks, wgpu would not report a lost device to krylux, and an error outside of a scope would end the process.
         let failure = Arc::new(OnceLock::new());
         let (lost, failed) = (Arc::clone(&failure), Arc::clone(&failure));
         device.set_device_lost_callback(move |_, reason| drop(lost.set(reason)));
@@ -221,7 +219,7 @@ fn enumerate(share: Option<u8>) -> Result<Vec<wgpu::Adapter>> {
     Ok(adapters)
 }
 
-/// Checks that `ulimit -v` leaves the address space that a graphics driver reserves. With less, the driver may end the process without a
+/// Checks that `ulimit -v` leaves a graphics driver enough address space. With too little, the driver may end the process without a
 /// message.
 fn require_address_space(limit: Option<u64>) -> Result<()> {
     match limit {

@@ -335,8 +335,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
         self.message = message.into();
     }
 
-    /// Writes the manifest atomically. From then on, no link in the folder of the manifest is followed; the same holds after
-    /// [`Manifest::read`].
+    /// Writes the manifest atomically. From then on, no link in its folder is followed; the same holds after [`Manifest::read`].
     pub fn write(&self, path: &Path) -> Result<()> {
         let mut text =
             serde_json::to_string_pretty(self).map_err(|error| Error::writing(path)(error.into()))?;

@@ -114,8 +114,7 @@ fn unknown(path: &Path) -> Error {
         .help("name it .npy, .exr or .png (.jpg can be read, but not written)")
 }
 
-/// The maximum size of decoded pixels in bytes. A 16-bit RGB picture of 8192² pixels is smaller. It limits the memory that a malicious
-/// header can claim.
+/// The maximum size of decoded pixels in bytes, which limits the memory for malicious headers. 8192² pixels in 16-bit RGB take less.
 const MAX_BYTES: usize = 512 << 20;
 
 /// The bytes of memory for each decoded byte. An 8-bit sample becomes a 16-bit sample, and then a 32-bit sample.

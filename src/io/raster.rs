@@ -1,5 +1,4 @@
-//! Rasters are 8-bit sRGB pictures for viewing. Tone mapping applies one exposure to the whole photo, and then the sRGB curve (IEC
-//! 61966-2-1).
+//! Rasters are 8-bit sRGB pictures for viewing. Tone mapping applies one exposure to all pixels, and then the sRGB curve (IEC 61966-2-1).
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -103,8 +102,7 @@ impl Raster {
     }
 }
 
-/// The share of samples that are not saturated. The brightest half per cent may saturate, so that highlights do not darken the remaining
-/// photo.
+/// The share of samples that are not saturated. The brightest half per cent may saturate, so that highlights do not darken the photo.
 const WHITE_PERCENTILE: f64 = 0.995;
 
 /// The factor that maps the 99.5th percentile of the positive, finite samples to white; 1 if there are no such samples. Samples that are

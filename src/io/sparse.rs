@@ -34,8 +34,7 @@ pub fn check_writable(path: &Path) -> Result<()> {
     }
 }
 
-/// Reads a matrix in the format that the extension selects: `.npz` ([`read_npz`]), `.mtx` ([`read_mtx`]), or `.npy` with a dense `m×n`
-/// array.
+/// Reads a matrix in the format that the extension selects: `.npz` ([`read_npz`]), `.mtx` ([`read_mtx`]), or `.npy` (a dense array).
 ///
 /// # Errors
 /// [`Error::Read`]; [`Error::Data`] for another extension or a malformed file.

@@ -142,8 +142,7 @@ impl Journal {
         Ok(())
     }
 
-    /// Stores a pattern, unless the journal has it already, and returns its key. The pattern reaches the disk with the next photo that is
-    /// appended.
+    /// Stores a pattern, unless the journal has it already, and returns its key. Appending the next photo also syncs the pattern to disk.
     pub fn pattern(&mut self, payload: &[u8]) -> Result<Key> {
         let key = Key::of(&[b"pattern", payload]);
         if !self.holds(key) {
@@ -190,8 +189,7 @@ impl Journal {
             self.synced = Synced::now(self.content.entries.len());
             return Ok(());
         };
-        // It is unknown which of the records since the last sync are on disk. All of them are removed, and this process writes no more
-        // records.
+        // It is unknown which records since the last sync are on disk. All of them are removed, and this process writes no more.
         self.broken = true;
         for entry in self.content.entries.split_off(self.synced.entries).iter().rev() {
             self.index.remove(&entry.key);
@@ -266,7 +264,7 @@ impl Journal {
 impl Drop for Journal {
     fn drop(&mut self) {
         if self.synced.entries < self.content.entries.len() {
-            // There is no caller to report an error to. If a record did not reach the disk, its checksum fails later, and the photo is
+            // There is no caller to report an error to. A record that did not reach the disk fails its checksum later, and its photo is
             // taken again.
             let _ = self.sync();
         }

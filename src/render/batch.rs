@@ -26,8 +26,7 @@ pub(crate) struct Recorded {
     records: Vec<[u32; 4]>,
 }
 
-/// Serializes records as raw bytes. Serialization word by word would increase the processor time of a photo that two processes trace by an
-/// eighth.
+/// Serializes records as raw bytes. Serializing word by word would take an eighth more processor time for a photo that two processes trace.
 mod as_bytes {
     use serde::{Deserialize, Deserializer, Serializer};
 

@@ -11,7 +11,7 @@ use super::pairs::Pair;
 use crate::error::Error;
 use crate::gpu::Gpu;
 
-/// The target time of a dispatch. It is short enough for progress, cancellation and a GPU's watchdog, and long enough to make overhead
+/// The target time of a dispatch: short enough for progress, cancellation and a GPU's watchdog, and long enough to make overhead
 /// negligible.
 const TARGET: Duration = Duration::from_millis(100);
 
@@ -49,8 +49,7 @@ pub(super) fn max_paths_per_invocation(
     }
 }
 
-/// The number of cores over which software Vulkan distributes a dispatch. It is determined only once, because the system reads it from
-/// files.
+/// The number of cores over which software Vulkan distributes a dispatch. The system reads it from files, so it is determined only once.
 fn cores() -> u32 {
     static CORES: OnceLock<u32> = OnceLock::new();
     *CORES.get_or_init(|| std::thread::available_parallelism().map_or(1, NonZero::get) as u32)
@@ -137,8 +136,8 @@ impl DispatchSizer {
         self.one_path_each = true;
     }
 
-    /// The maximum number of dispatches in flight. It is two once the number of paths has been measured, so that the device does not wait
-    /// for the host.
+    /// The maximum number of dispatches in flight: two once the number of paths has been measured, so that the device need not wait for the
+    /// host.
     pub(super) fn max_in_flight(&self) -> usize {
         if self.target.is_some() { 2 } else { 1 }
     }

@@ -135,8 +135,7 @@ fn is_plain(triangle: &Triangle) -> bool {
     triangle.colors == [Triangle::WHITE; 3] && triangle.normals.iter().all(flat)
 }
 
-/// The texels of all pairs, as `shaders/shared/pairs.wgsl` reads them, and the texels of the corner attributes of those pairs that have
-/// any.
+/// The texels of all pairs, as `shaders/shared/pairs.wgsl` reads them, and the texels of the corner attributes of pairs that have any.
 fn pack_pairs(scene: &Scene, frame: &CameraFrame, pairs: &[Pair]) -> (Vec<[u32; 4]>, Vec<[u32; 4]>) {
     let textured: Vec<bool> =
         scene.materials.iter().map(|material| material.textures().next().is_some()).collect();
@@ -148,8 +147,7 @@ fn pack_pairs(scene: &Scene, frame: &CameraFrame, pairs: &[Pair]) -> (Vec<[u32; 
         // Both triangles of a pair have the same values.
         let Triangle { material, region, .. } = triangles[0];
         let needs_corners = textured[material as usize] || !triangles.iter().all(is_plain);
-        // Each triangle has six texels of corner attributes. The size limit of the array is far below u32::MAX, and is checked when the
-        // array is created.
+        // Each triangle has six texels of corner attributes. The array's size limit is far below u32::MAX, and is checked at its creation.
         let first_corner = if needs_corners { corners.len() as u32 } else { NONE };
         if needs_corners {
             corners.extend(triangles.iter().flat_map(|triangle| pack_corners(triangle, frame)).flatten());

@@ -42,8 +42,7 @@ pub(super) struct Features {
     /// Camera and projector are one pinhole.
     pub(super) coaxial_pinhole: bool,
     pub(super) roulette: bool,
-    /// The number of texels in a row of the light buffer, if rays from and to the pinhole use it ([`crate::render::light_buffer`]);
-    /// otherwise 0.
+    /// The number of texels in a row of the light buffer, if rays from and to the pinhole use it ([`crate::render::light_buffer`]); or 0.
     pub(super) light_buffer_side: u32,
     /// Whether one invocation traces several paths, one after the other.
     pub(super) several_paths: bool,

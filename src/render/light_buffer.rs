@@ -308,8 +308,7 @@ struct InverseDepth {
 }
 
 impl InverseDepth {
-    /// The function through the corners of a polygon. If the polygon is seen edge-on, the gradient is infinite and the polygon covers no
-    /// texel.
+    /// The function through the corners of a polygon. Seen edge-on, the polygon has an infinite gradient and covers no texel.
     fn through(polygon: &[Corner]) -> Option<Self> {
         let first = polygon.first()?;
         let mut best = Self { at: first.at, value: first.inverse, gradient: DVec2::ZERO };

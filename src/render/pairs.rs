@@ -163,8 +163,7 @@ fn neighbours(corners: &[[Vec3; 3]]) -> Vec<u32> {
 /// A hash of the bits of a point. It is used only to sort equal edges next to each other.
 fn hash(point: Vec3) -> u64 {
     let word = |value: f32| u64::from(value.to_bits());
-    // The odd multipliers come from linear congruential generators (Steele and Vigna 2021). Afterwards, the upper half is folded into the
-    // lower half.
+    // The odd multipliers come from linear congruential generators (Steele and Vigna 2021). Then the upper half is folded into the lower.
     let mixed = (word(point.x).wrapping_mul(0xd134_2543_de82_ef95))
         .wrapping_add(word(point.y))
         .wrapping_mul(0xaf25_1af3_b0f0_25b5)

@@ -214,8 +214,7 @@ pub(super) type Photon = [[u32; 4]; 4];
 /// selection of its photons, whose power is increased accordingly.
 const MAX_BUCKET: usize = 512;
 
-/// Photons in the buckets of a hash grid. The photons of a cell are stored contiguously, and so are those of two neighbouring cells along
-/// x.
+/// Photons in the buckets of a hash grid. The photons of a cell are contiguous, and so are those of two neighbouring cells along x.
 struct Grid {
     /// Number of buckets, a power of two, minus 1.
     mask: u32,

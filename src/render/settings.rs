@@ -7,8 +7,7 @@ use super::photons::Gather;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// The maximum number of surfaces that a path hits. The counts of rays and surfaces share a word with the mark that shows that a path
-/// finished.
+/// The maximum number of surfaces that a path hits. The counts of rays and surfaces share a word with the mark of finished paths.
 pub const MAX_BOUNCES: u32 = 64;
 
 /// The settings of a trace.
@@ -160,8 +159,7 @@ pub struct TraceSummary {
 }
 
 impl TraceSummary {
-    /// Adds the paths, rays and dispatches of a trace that ran at the same time in another process. The times become those of the slower
-    /// trace.
+    /// Adds the paths, rays and dispatches of a trace that ran at the same time in another process. The longer times count.
     pub(crate) fn add_parallel(&mut self, other: &Self) {
         self.paths += other.paths;
         self.rays += other.rays;

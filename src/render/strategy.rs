@@ -69,8 +69,7 @@ impl Tracer {
         let coaxial = self.rig.coaxial(settings);
         let coaxial_pinhole = self.rig.coaxial_pinhole(settings);
         let ambient = self.scene.ambient && from_camera;
-        // If light may pass straight through a surface, a ray needs all its hits in order. The light buffer does not give the hits in
-        // order.
+        // If light may pass straight through a surface, a ray needs its hits in order, and the light buffer does not give their order.
         let (light_buffer, light_buffer_side) = if coaxial_pinhole && !self.scene.features.passable {
             self.light_buffers.lists(&self.gpu, &self.scene, start.tangent)?
         } else {

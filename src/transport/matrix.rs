@@ -263,8 +263,8 @@ impl TransportMatrix {
     }
 }
 
-/// `y = P x` for one part and channel of a transport matrix. Each product is one photo. The processor multiplies up to four vectors at a
-/// time.
+/// `y = P x` for one part and channel of a transport matrix. Each product is one photo. The processor multiplies up to four vectors at
+/// once.
 #[derive(Clone, Copy, Debug)]
 pub struct MatrixOperator<'a> {
     matrix: &'a TransportMatrix,

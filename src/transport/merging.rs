@@ -83,8 +83,7 @@ impl<'a, const C: usize> Merging<'a, C> {
         pieces
     }
 
-    /// Merges these rows from the contributions and their transpose, and returns them for each layer. Calls must follow the order of the
-    /// rows.
+    /// Merges these rows from the contributions and their transpose, for each layer. Calls must follow the order of the rows.
     fn merge(&mut self, rows: Range<usize>, classes: usize) -> Vec<CompressedRows> {
         let transposed = self.sources.transposed(&(self.first + rows.start..self.first + rows.end));
         let tasks: Vec<usize> = rows.clone().step_by(ROWS_PER_TASK).collect();
@@ -114,8 +113,7 @@ impl<'a, const C: usize> Merging<'a, C> {
     }
 }
 
-/// Divides these rows into blocks of whole rows that are as full as possible. `terms` is the number of contributions to each row of the
-/// matrix.
+/// Divides these rows into blocks of whole rows that are as full as possible. `terms` is the number of contributions to each row.
 fn blocks(terms: &[u32], rows: &Range<usize>) -> Vec<Range<usize>> {
     let most = BLOCK.max(terms.iter().map(|&terms| terms as usize).sum::<usize>() / MOST_BLOCKS);
     let mut blocks = Vec::new();
@@ -132,8 +130,7 @@ fn blocks(terms: &[u32], rows: &Range<usize>) -> Vec<Range<usize>> {
     blocks
 }
 
-/// Joins the rows of several tasks into one piece. The arrays of the piece are long, so the system gets their memory back when they are
-/// freed.
+/// Joins the rows of several tasks into one piece. The piece's arrays are long, so the system gets their memory back when they are freed.
 fn joined<const C: usize>(parts: Vec<CompressedRows>) -> CompressedRows {
     let count = parts.iter().map(|part| part.columns.len()).sum();
     let mut joined =
@@ -274,8 +271,7 @@ mod tests {
     use super::*;
     use crate::transport::RigShape;
 
-    /// Blocks follow one another and are as full as possible. A row with more contributions than the limit of a block is a block of its
-    /// own.
+    /// Blocks follow one another and are as full as possible. A row with more contributions than a block allows is a block of its own.
     #[test]
     fn blocks_are_full_and_cover_all_rows() {
         let blocks = |terms: &[u32], rows: Range<usize>| blocks(terms, &rows);

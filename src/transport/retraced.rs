@@ -12,8 +12,7 @@ use crate::image::{Image, Resolution};
 use crate::operator::{Adjoint, Direction, Operator, Symmetry};
 use crate::render::{Batch, PIXEL_MASK, Run, TraceSettings, Tracer};
 
-/// A scene that is traced once per photo, always with the same light paths. The host sums in path order, so repeated photos are equal to
-/// the bit.
+/// A scene that is traced once per photo, with the same light paths. The host sums in path order, so repeated photos are equal to the bit.
 pub struct Retraced<'a> {
     /// The scene on its device. The tracer's observer sees the steps of each photo, and may stop the photo.
     pub tracer: &'a mut Tracer,
@@ -296,8 +295,7 @@ impl<const C: usize> Read<C> {
         for run in runs {
             // No path has more contributions than slots.
             found.resize(end + run.paths.len() * batch.stride(), (0, [0.0; C]));
-            // A contribution that does not count is written too, and the next one overwrites it. Skipping it by a branch would delay the
-            // load of the next record.
+            // A contribution that does not count is also written, and then overwritten: a branch would delay the load of the next record.
             let mut keep = |counts: bool, other: u32, color: [f32; 3]| {
                 let value = project(color);
                 found[end] = (other, value);

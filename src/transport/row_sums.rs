@@ -17,8 +17,7 @@ pub(super) struct Scale {
     is_finite: bool,
 }
 
-/// The sums of the means and errors of contributions, as multiples of the unit. A term is less than 2⁹⁴ units, so a sum of 2³² terms cannot
-/// overflow.
+/// The sums of means and errors of contributions, as multiples of the unit. A term is below 2⁹⁴ units, so 2³² terms cannot overflow.
 pub(super) type FixedSums<const C: usize> = [[i128; C]; 2];
 
 /// The exponent bits of a value. They never decrease as the magnitude grows.
@@ -72,8 +71,7 @@ pub(super) fn add_sums<const C: usize>(to: &mut FixedSums<C>, more: &FixedSums<C
     }
 }
 
-/// The row sums as floating-point numbers, with the direct light on the diagonal added. `direct` has one estimate for each row, or is
-/// empty.
+/// The row sums as floating-point numbers, including direct light on the diagonal. `direct` has one estimate for each row, or is empty.
 pub(super) fn with_direct<const C: usize>(
     scale: Scale,
     sums: &[FixedSums<C>],
@@ -148,8 +146,7 @@ impl<const C: usize> Partial<C> {
         left.into_iter().for_each(|(row, terms)| self.add(row, terms));
     }
 
-    /// Adds the contributions of the paths from one pixel, both to the row of this pixel and to the rows of the pixels at which the paths
-    /// end.
+    /// Adds the contributions of the paths from one pixel, both to this pixel's row and to the rows of the pixels at which the paths end.
     fn add(&mut self, row: Row, terms: &[Term<C>]) {
         let is_own = self.rig.symmetric || row.from_camera;
         let is_mirrored = self.rig.symmetric || !row.from_camera;

@@ -123,8 +123,8 @@ impl<'a, const C: usize> Rows<'a, C> {
                 paths.ends_of(run, |end| {
                     let value = project(end.value);
                     let is_light = value.iter().fold(false, |any, &value| any | (value != 0.0));
-                    // A connection that does not count is written too, and the next one overwrites it. Skipping it by a branch would delay
-                    // the load of the next record.
+                    // A connection that does not count is also written, and then overwritten: a branch would delay the load of the next
+                    // record.
                     let key = Key::new(end.pixel, class(end.bounces, self.split)).of_half(run.half);
                     entries[count] = Entry { key, value };
                     count += usize::from(end.is_seen & is_light);
@@ -288,12 +288,10 @@ impl Paths for Given<'_> {
     }
 }
 
-/// The fewest elements that are sorted by digits. Fewer elements are sorted by comparisons, which then take less time than the counters of
-/// a digit.
+/// The fewest elements that are sorted by digits. Sorting fewer elements by comparisons takes less time than the counters of a digit.
 const FEWEST: usize = 48;
 
-/// The maximum number of bits of a digit. The counters then take a small part of the first-level cache, and summing them for each digit is
-/// cheap.
+/// The maximum number of bits of a digit. Its counters take a small part of the first-level cache, and are quickly summed.
 const MOST_BITS: u32 = 8;
 
 /// Sorts a few hundred elements by a small number, digit by digit. Elements of equal numbers keep their order. `spare` is reusable memory.

@@ -249,16 +249,14 @@ impl Probe {
         let contribution = 4.0 + 8.0 * channels;
         let entry = 4.0 + 4.0 * channels;
         let away = (count - 1.0) / count;
-        // In tiles, columns take half the memory, and padding takes a twentieth. A group of rows that becomes tiles is in memory two more
-        // times.
+        // In tiles, columns take half the memory, and padding takes a twentieth. A group that becomes tiles is in memory two more times.
         let tiled = entries / count * (1.05 * (entry - 2.0));
         let group = GROUP * entries / count * 2.0 * entry;
         let own = found / count * contribution;
         let memory = if processes == 1 && !symmetric {
             group + tiled + own
         } else {
-            // Contributions are freed while the tiles grow. The contributions of one step are in memory three more times: as sent, as
-            // received, and as merged.
+            // Contributions are freed while the tiles grow. Those of one step are in memory three more times: as sent, received and merged.
             group + tiled.max(own) + 3.0 * own * away * GROUP
         };
         let message = |bytes: f64, steps: f64| steps * (bytes / network.bandwidth + network.latency);
@@ -372,15 +370,13 @@ mod tests {
         let projector = Some(Resolution::new(20, 10));
         let settings = TraceSettings { projector, ..TraceSettings::new(Resolution::new(10, 10), 4) };
         let scaled = probe.scaled(&settings, Channels::Rgb, false, 6, (4, network));
-        // A row reaches 50 of 200 pixels. They are hit by 12 connections of the row's own paths, and by 12 connections of the projector's
-        // paths.
+        // A row reaches 50 of 200 pixels. 12 connections of the row's own paths hit them, and 12 connections of the projector's paths.
         let entries = 100.0 * 50.0 * (1.0 - (-24.0_f64 / 50.0).exp());
         let found = 2.0 * 100.0 * 50.0 * (1.0 - (-12.0_f64 / 50.0).exp());
         // A contribution takes 4 bytes for its position and 24 for its values. A matrix entry takes 4 and 12 bytes, and in a tile 2 and 12.
         let (own, tiled) = (28.0 * found / 4.0, 1.05 * 14.0 * entries / 4.0);
         assert!(own > tiled, "contributions are the larger of the two");
-        // A sixteenth of the rows is merged and becomes tiles at a time. Three quarters of the contributions to it come from other
-        // processes.
+        // A sixteenth of the rows is merged and becomes tiles at a time. Three quarters of their contributions come from other processes.
         let memory = own + 2.0 * 16.0 * entries / 4.0 / 16.0 + 3.0 * own * 0.75 / 16.0;
         let expected = [
             (scaled.entries, entries),
@@ -406,8 +402,7 @@ mod tests {
         assert!((scaled.seconds() - seconds).abs() <= 1e-12 * seconds);
     }
 
-    /// A single process of a coaxial rig keeps the contributions to the triangle until they become tiles. A contribution has 12 bytes, and
-    /// an entry has 6.
+    /// One process of a coaxial rig keeps contributions to the triangle (12 bytes each) until they become tiles (6 bytes for each entry).
     #[test]
     fn one_process_holds_contributions_or_tiles_whichever_are_more() {
         let (side, samples, of_row) = (512.0_f64 * 512.0, 256.0, 0.5 * 512.0 * 512.0);

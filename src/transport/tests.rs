@@ -166,8 +166,8 @@ fn the_transpose_is_the_dual_rig() {
             let (mut av, mut atu) = (vec![f64::NAN; 15], vec![f64::NAN; 28]);
             assert!(operator.apply(&v, &mut av).is_ok() && operator.apply_adjoint(&u, &mut atu).is_ok());
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-            // Each side is a sum of at most 15·28 products. Its terms may cancel, so the bound is relative to their magnitudes (Higham
-            // 2002, eq. 3.5).
+            // Each side is a sum of at most 15·28 products. Terms may cancel, so the bound is relative to their magnitudes (Higham 2002,
+            // eq. 3.5).
             let csr = matrix.to_csr(part, 0).unwrap_or_else(|error| unreachable!("{error}"));
             let magnitude: f64 = csr.entries().map(|(row, column, a)| (u[row] * a * v[column]).abs()).sum();
             let difference = (dot(&u, &av) - dot(&atu, &v)).abs();

@@ -114,14 +114,12 @@ impl<const C: usize> Sources<C> {
         own.zip(mirrored).map(|(own, mirrored)| own + mirrored).collect()
     }
 
-    /// The contributions of the paths from the pixel of a row, by ascending keys. Row numbers start at 0 for the first row of these
-    /// sources.
+    /// The contributions of the paths from the pixel of a row, by ascending keys. Row 0 is the first row of these sources.
     pub(super) fn own(&self, row: usize) -> &[Term<C>] {
         self.own[row].terms(&self.chunks)
     }
 
-    /// The transposed rows of the pixels `block`, one part for each task that has entries there. Blocks must be requested in ascending
-    /// order.
+    /// The transposed rows of the pixels `block`, one part for each task with entries there. Blocks must be requested in ascending order.
     pub(super) fn transposed(&mut self, block: &Range<usize>) -> Vec<Transposed<C>> {
         let Self { chunks, tasks, .. } = self;
         tasks.par_iter_mut().filter_map(|task| task.transpose(chunks, block)).collect()

@@ -1,10 +1,9 @@
 //! Contributions to the matrix are sorted and summed on the device. A dispatch then returns a list of terms. Without this, it would return
 //! the records of its paths, which are several times as long.
 //!
-//! The key of a contribution consists of the pixel at the other end of its path and the class of its bounces. A radix sort orders the
-//! contributions of all paths from a pixel by key. Contributions with equal keys are summed in path order, in single precision. The host
-//! sums in double precision, so its terms differ only by rounding ([`agree`]). To detect wrong sums, both host and device sum the first
-//! large dispatch of a tracer.
+//! The key of a contribution is the pixel at the other end of its path and the class of its bounces. A radix sort orders the contributions
+//! of all paths from a pixel by key. Contributions with equal keys are summed in path order, in single precision. The host sums in double
+//! precision, so its terms differ only by rounding ([`agree`]). To detect wrong sums, host and device both sum the first large dispatch.
 //!
 //! If the device is the processor itself, nothing is gained: the host reads records in place, and the sort would run on the same cores.
 
@@ -252,8 +251,7 @@ impl DeviceMerge {
     }
 }
 
-/// The number of contributions that the device sums before it adds them to the sum of the earlier ones; `TOGETHER` of
-/// `shaders/merge_sums.wgsl`.
+/// The number of contributions that the device sums before it adds them to the earlier sum; `TOGETHER` of `shaders/merge_sums.wgsl`.
 const TOGETHER: f64 = 64.0;
 
 /// The roundings of a contribution apart from summation: its luminance, its weight, and the sum of both halves.

@@ -86,7 +86,7 @@ pub(super) fn all_steps(base: &MergeParameters, other_pixels: u64, layout: &Reco
     steps.push(KernelName::CountContributions, base.paths.div_ceil(LANES), base);
     steps.scan(MergeParameters { elements: base.paths, total: 0, ..base });
     steps.push(KernelName::WriteContributions, base.paths.div_ceil(LANES), base);
-    // Entries are written by ascending start pixel, and the sort is stable. Digits of keys are sorted first, and digits of start pixels
+    // Entries are written by ascending start pixel. The sort is stable, so digits of keys are sorted first, and digits of start pixels
     // last.
     let key_bits = bits(other_pixels.saturating_sub(1)) + CLASS_BITS;
     let start_bits = bits(u64::from(base.paths / base.samples).saturating_sub(1));

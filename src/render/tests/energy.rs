@@ -217,8 +217,7 @@ fn no_material_returns_more_than_it_receives() {
         conserving += usize::from(gain > -0.01);
     }
     println!("greatest gain {worst:.2} standard errors; {conserving} of {} lose less than 1 %", found.len());
-    // There are 2048 materials. If all of them conserved energy exactly, the worst would exceed 4.5 standard errors with a probability of 1
-    // %.
+    // If all 2048 materials conserved energy exactly, the worst would exceed 4.5 standard errors with a probability of 1 %.
     assert!(worst < 4.5, "a material gains {worst} standard errors");
     assert!(conserving > found.len() / 10, "only {conserving} of {} keep the light", found.len());
 }

@@ -1,5 +1,4 @@
-//! The kernel that computes products, and its dispatches. The rows of a layer are divided into bands that fit the device's buffers and one
-//! dispatch.
+//! The kernel that computes products, and its dispatches. A layer is divided into bands that fit the device's buffers and one dispatch.
 
 use std::ops::Range;
 
@@ -30,7 +29,7 @@ impl Limits {
     }
 }
 
-/// The maximum number of entries of a row. 32 lanes share the entries, and software Vulkan leaves a loop after 65,535 iterations without an
+/// The maximum number of entries of a row. 32 lanes share a row, and software Vulkan leaves a loop after 65,535 iterations without an
 /// error.
 const LONGEST_ROW: usize = 1 << 20;
 

@@ -120,8 +120,7 @@ fn agree<const C: usize>(comm: &dyn Comm, share: Result<Share<C>>) -> Result<Opt
 }
 
 impl<const C: usize> Own<C> {
-    /// Traces this process's pixels, exchanges the contributions, and merges those to this process's rows. Returns `None` as [`agree`]
-    /// does.
+    /// Traces this process's pixels, exchanges the contributions, and merges those to its rows. Returns `None` as [`agree`] does.
     fn trace(
         comm: &dyn Comm,
         tracer: &mut Tracer,
@@ -162,7 +161,7 @@ impl<const C: usize> Own<C> {
             bytes += of_part;
             nonzeros.iter_mut().zip(of_layers).for_each(|(all, more)| *all += more);
         }
-        // A coaxial pinhole rig has no layer of one bounce, because its direct light is the diagonal. All processes must keep the same
+        // A coaxial pinhole rig has no layer of one bounce, because the diagonal is its direct light. All processes must keep the same
         // layers.
         let keeps = |(layer, &elsewhere): (&Layer, &u64)| {
             layer.bounces() != Bounces::One || layer.nonzeros() > 0 || elsewhere > 0
@@ -214,8 +213,8 @@ impl<const C: usize> Own<C> {
         })
     }
 
-    /// Adds the message of the process with the next pixels. Returns the number of entries of each layer, and the bytes of all layers, of
-    /// that process.
+    /// Adds the message of the process with the next pixels. Returns that process's number of entries of each layer, and bytes of all
+    /// layers.
     fn add_part(&mut self, bytes: &[u8]) -> Result<(Vec<u64>, u64)> {
         let mut from = wire::Reader::new(bytes);
         let (nonzeros, size, has_halves): (Vec<u64>, u64, bool) =
@@ -274,8 +273,7 @@ fn balanced(tracer: &mut Tracer, settings: &TraceSettings, processes: usize) -> 
         .collect())
 }
 
-/// Divides `pixels` of a picture of this size into ranges of about equal work. `rays` is the work of each row of pixels of a smaller
-/// picture.
+/// Divides `pixels` of a picture of this size into ranges of about equal work. `rays` is the work of each pixel row of a smaller picture.
 fn divide(pixels: &Range<usize>, size: Resolution, rays: &[u64], processes: usize) -> Vec<Range<usize>> {
     // Each row of pixels gets one additional ray, so that a picture without rays is divided into equal parts.
     let work: Vec<f64> = rays.iter().map(|&rays| 1.0 + rays as f64).collect();

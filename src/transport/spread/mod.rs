@@ -49,8 +49,7 @@ use crate::team::{Comm, Remote, Team, Told, Turn, answer, serve};
 #[derive(Debug)]
 pub(super) struct Spread {
     remote: Remote,
-    /// The pixels of each process, by rank. Its rows of the matrix are its camera pixels. Its rows of the transpose are its projector
-    /// pixels.
+    /// The pixels of each process, by rank. The rows of the matrix are camera pixels, and the rows of the transpose are projector pixels.
     pub(super) pixels: Vec<StartPixels>,
     /// The number of entries that other processes hold, and the bytes that these entries take there.
     pub(super) nonzeros: usize,
@@ -328,8 +327,7 @@ impl SceneWorker {
     }
 }
 
-/// Stops a trace when a message from the leader arrives. During a trace, the leader sends a message only if it continues without this
-/// trace.
+/// Stops a trace when a message from the leader arrives. During a trace, the leader sends one only if it continues without this trace.
 struct StopByLeader(Arc<dyn Comm>);
 
 impl Observer for StopByLeader {

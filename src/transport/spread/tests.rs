@@ -61,8 +61,7 @@ struct Case {
     channels: Channels,
 }
 
-/// Three cases: a coaxial rig in colour; a scene with mirrors, whose paths are gathered; and a projector beside the camera with another
-/// size.
+/// A coaxial rig in colour; a scene with mirrors, whose paths are gathered; and a projector beside the camera with another size.
 fn cases() -> Vec<Case> {
     let settings = TraceSettings::new(Resolution::new(13, 11), 6);
     let mut apart = builtin::corner().to_scene();

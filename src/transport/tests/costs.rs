@@ -82,8 +82,7 @@ fn a_probe_measures_a_small_matrix_of_the_scene() {
         let share = Share::<1>::trace(&mut tracer, &pilot, &all, false, None);
         let share = share.expect("the scene can be traced");
         let found: usize = share.found.chunks().map(|chunk| chunk.terms.len()).sum();
-        // The expected number of different pixels that are hit if each path from a pixel hits any of its reachable pixels with equal
-        // probability.
+        // The expected number of different pixels that are hit if a path hits any of its reachable pixels with equal probability.
         let ends = small.unwrap_or(pilot.resolution).pixels() as f64;
         let reached = probe.reached * ends;
         let hit = reached * (1.0 - (-3.0 * per_path / reached).exp());

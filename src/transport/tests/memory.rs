@@ -62,8 +62,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// The memory of a piece of work, counted only in its threads: the bytes of its input, the peak with the input, and the bytes left at the
-/// end.
+/// The memory of a piece of work, in its own threads only: the bytes of its input, the peak with the input, and the bytes left at the end.
 #[derive(Clone, Copy, Debug)]
 struct Bytes {
     given: usize,
@@ -193,7 +192,7 @@ fn a_matrix_takes_the_bytes_that_it_states() {
         TransportMatrix::new(rig(true), Channels::Luma, vec![vec![1.0; PIXELS]], layers)
     });
     assert_eq!(matrix.nonzeros(), 2 * PIXELS * EACH);
-    // Each entry has two bytes for its column and four for its weight. The diagonal is additional. Padding takes less than one byte per
+    // Each entry has two bytes for its column and four for its weight, and the diagonal is additional. Padding adds less than a byte per
     // entry.
     let least = 6 * matrix.nonzeros() + 4 * PIXELS;
     assert!((least..least + matrix.nonzeros()).contains(&matrix.bytes()), "{} of {least}", matrix.bytes());
@@ -216,8 +215,8 @@ fn a_matrix_is_read_in_pieces() {
             pieces.len() >= 4 && pieces.iter().map(|(columns, _)| columns).sum::<usize>() == PIXELS * EACH
         );
         let longest = pieces.iter().map(|(columns, _)| *columns).max().unwrap_or(0);
-        // Each thread has, for one band, the columns and then the weights of four bytes each, the offsets of its rows, and their positions
-        // in a tile.
+        // Each thread has a band's columns and then its weights, of four bytes each, the offsets of its rows, and their positions in a
+        // tile.
         let of_rows = 8 * 2 * PIXELS + threads * PIXELS.div_ceil(pieces.len()) * 48;
         let bound = bytes.given + threads * 2 * 4 * longest + of_rows + SMALL;
         assert!(bytes.most <= bound, "{threads} threads: {bytes:?} above {bound}");

@@ -205,8 +205,7 @@ pub(super) fn below(
     fragments
 }
 
-/// The transpose of these columns of `bands`, as fragments by ascending columns. In the transpose, the first row of `bands` is the column
-/// `first_row`.
+/// The transpose of these columns of `bands`, as fragments by ascending columns. The first row of `bands` becomes the column `first_row`.
 pub(super) fn of_bands(
     bands: &[Band],
     columns: &Range<usize>,

@@ -88,8 +88,7 @@ impl Builder {
         self.next = rows.end;
     }
 
-    /// The transpose of these columns of all rows so far, as fragments by ascending columns. In the transpose, the first row is the column
-    /// `first_row`.
+    /// The transpose of these columns of all rows so far, as fragments by ascending columns. The first row becomes the column `first_row`.
     pub(in crate::transport) fn transposed(&self, columns: &Range<usize>, first_row: usize) -> Vec<Fragment> {
         let Tiles { shape, channels, .. } = self.tiles;
         of_bands(&self.tiles.bands, columns, first_row, (shape, channels))
@@ -258,8 +257,7 @@ impl Window {
 mod tests {
     use super::*;
 
-    /// Groups consist of whole bands. Each has a sixteenth of the rows, or more rows if some thread would otherwise have no window of the
-    /// group.
+    /// Groups consist of whole bands. Each has a sixteenth of the rows, or more if some thread would otherwise have no window of the group.
     #[test]
     fn groups_are_whole_bands_with_work_for_every_thread() {
         for threads in [1, 2, 3, 8] {

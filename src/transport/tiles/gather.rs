@@ -11,8 +11,7 @@ use std::arch::x86_64::*;
 
 use super::kernels::{Interleaved, Kernel, LANES, Slice};
 
-/// The number of steps between the prefetch and the use of an entry. It covers memory latency, because hardware prefetchers do not cross
-/// pages.
+/// The number of steps between prefetch and use of an entry. It covers memory latency: hardware prefetchers do not cross pages.
 const AHEAD: usize = 80;
 
 /// The kernels for a single vector. The list is empty if the processor lacks the instructions.
@@ -31,8 +30,7 @@ pub(super) fn of_one() -> Vec<Kernel<f64>> {
     vec![by_four, one_by_one]
 }
 
-/// The kernel for four interleaved vectors, whose four numbers fill one register. The list is empty if the processor lacks the
-/// instructions.
+/// The kernel for four interleaved vectors, whose four numbers fill one register. Without the instructions, the list is empty.
 pub(super) fn of_four() -> Vec<Kernel<Interleaved>> {
     if !is_x86_feature_detected!("avx2") {
         return Vec::new();

@@ -58,8 +58,7 @@ impl Value for Interleaved {
 
 /// Elements that have kernels.
 pub(in crate::transport) trait Summable: Value {
-    /// The kernels with instructions that not every processor has. The list is empty if the processor lacks them. These kernels prefetch
-    /// entries.
+    /// The kernels with instructions that not every processor has. Without the instructions, the list is empty. These kernels prefetch.
     fn special() -> Vec<Kernel<Self>>;
 
     /// The fastest kernel. It is measured once per process.

@@ -254,8 +254,7 @@ struct Shape {
     columns: usize,
 }
 
-/// The maximum number of rows of a band. Row numbers (and one past the last row) fit into 16 bits, and the sums fit into the second-level
-/// cache.
+/// The maximum number of rows of a band. Row numbers (and one past the last) fit into 16 bits, and sums fit into the second-level cache.
 const MOST_ROWS: usize = 1 << 14;
 /// The minimum number of rows of a band. With fewer rows, the work between tiles would dominate.
 const LEAST_ROWS: usize = 1 << 8;

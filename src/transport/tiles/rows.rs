@@ -42,8 +42,7 @@ impl CompressedRows {
         }
     }
 
-    /// The transpose of the `wanted` columns, with a row for each. The first row of this matrix becomes the column `first` of the
-    /// transpose.
+    /// The transpose of the `wanted` columns, with a row for each. The first row of this matrix becomes the column `first`.
     pub(in crate::transport) fn transposed(&self, wanted: &Range<usize>, first: usize) -> Self {
         let of_row = |row: usize| {
             let (start, columns) = (self.row_start[row], &self.columns[self.row(row)]);
