@@ -211,7 +211,7 @@ impl Blur {
         picture
     }
 
-    /// The `n` variances of the entries of `K x`, if the entries of `x` are independent and have these `n` variances.
+    /// The variances of the `n` entries of `K x`, if the entries of `x` are independent and have the given `n` variances.
     pub fn variance(&self, variance: &[f64]) -> Vec<f64> {
         let (width, height) = (self.resolution.width, self.resolution.height);
         // Near an edge, a pixel contributes more than once. Its weights are therefore summed before they are squared.
@@ -285,7 +285,7 @@ mod tests {
 
     #[test]
     fn the_blur_is_symmetric_keeps_constants_and_predicts_variances() {
-        // The kernel is wider than the image is high, so positions are reflected more than once.
+        // The kernel is wider than the height of the image, so positions are reflected more than once.
         let resolution = Resolution::new(7, 3);
         let blur = Blur::new(resolution, 1.3).expect("wider than 0");
         let n = resolution.pixels();

@@ -122,7 +122,7 @@ mod tests {
         Key::new(&scene, &adapter, &settings, Channels::Luma, false)
     }
 
-    /// A symmetric matrix of 2×2 pixels with two entries. The file contains one of them.
+    /// A valid symmetric matrix of 2×2 pixels with two entries. The file contains only the entry above the diagonal.
     fn sound(key: &Key) -> (Record, Arrays) {
         let record = Record {
             key: key.hex().into(),

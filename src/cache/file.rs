@@ -57,7 +57,7 @@ pub(super) struct Arrays<L = Rows> {
     pub(super) noise: Vec<f64>,
 }
 
-/// A layer that is produced piece by piece while it is written.
+/// A layer whose arrays are produced in pieces while they are written.
 pub(super) trait InPieces {
     /// For each row, the offset of its entries; and the number of entries at the end.
     fn starts(&self) -> Vec<u64>;
@@ -119,7 +119,7 @@ impl Record {
     }
 }
 
-/// The name of a layer's array in the archive. The arrays of the last layer have SciPy's names; other layers add a prefix.
+/// The name of a layer's array in the archive. For the last layer, it is SciPy's name; for other layers, it has a prefix.
 fn member(bounces: Bounces, last: bool, array: &str) -> String {
     let layer = match bounces {
         _ if last => return array.into(),
@@ -243,7 +243,7 @@ fn write_layer(
     checksum.array(&starts);
     checksum.begin::<u32>(count);
     let columns = layer.columns().inspect(|piece| checksum.piece(piece)).flatten();
-    // SciPy uses one type for both index arrays, 32 bits if possible.
+    // SciPy uses one type for both index arrays: 32 bits if possible.
     if i32::try_from(count).is_ok() {
         sparse::add_to_npz(archive, &name("indices"), count, columns.map(|column| column as i32))?;
         sparse::add_to_npz(archive, &name("indptr"), starts.len(), starts.iter().map(|&v| v as i32))?;
@@ -333,7 +333,7 @@ fn read_indices(archive: &mut Archive, name: &str) -> Result<Vec<u64>, String> {
     }
 }
 
-/// Combines the channels into a matrix. Returns `None` if they differ in anything but their values.
+/// Combines the channels into a matrix. Returns `None` if channels differ in anything except their values.
 fn combine_channels(channels: Vec<(Record, Arrays)>) -> Option<Assembled> {
     let (first, shared) = channels.first()?;
     let (rig, kind, bounces) = (first.rig, first.channels, first.layers.clone());

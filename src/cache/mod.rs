@@ -85,7 +85,7 @@ impl Key {
             settings.seed
         );
         let (camera, projector) = (settings.resolution, settings.projector.unwrap_or(settings.resolution));
-        // Only the tracer knows whether the rig is coaxial.
+        // Only the tracer knows whether the rig is coaxial. Here, equal resolutions are enough.
         let rig = RigShape { camera, projector, symmetric: camera == projector };
         Self { hex, label, channels, rig }
     }
@@ -232,7 +232,7 @@ impl Cache {
         let mut entries = BTreeMap::<String, Entry>::new();
         for path in self.listing()? {
             let Some(key) = key_of(&path) else { continue };
-            // Another run may have removed the file meanwhile.
+            // Another run may have removed the file in the meantime.
             let Ok(about) = fs::symlink_metadata(&path) else { continue };
             let used = about.modified().unwrap_or(SystemTime::UNIX_EPOCH);
             let entry = entries.entry(key.clone()).or_insert(Entry {

@@ -117,7 +117,7 @@ impl Spot {
         self.folder.open_file(name, Access::New, false)
     }
 
-    /// Renames the file `name` of the same folder to this spot's name, and replaces the file there.
+    /// Renames the file `name` in the same folder to this file's name. An existing file of this name is replaced.
     pub(super) fn take_from(&self, name: &Path) -> io::Result<()> {
         self.folder.rename(name, &self.name)
     }

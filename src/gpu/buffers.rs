@@ -149,7 +149,7 @@ impl Results {
         gpu.queue.submit([encoder.finish()])
     }
 
-    /// Records a copy of the first `bytes` to the staging buffer, if there is one.
+    /// Records a copy of the first `bytes` of the results to the staging buffer, if there is one.
     pub(crate) fn copy(&self, encoder: &mut wgpu::CommandEncoder, bytes: u64) {
         if let Some(readback) = &self.readback {
             encoder.copy_buffer_to_buffer(&self.buffer, 0, readback, 0, bytes);

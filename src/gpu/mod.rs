@@ -10,7 +10,7 @@ pub mod shader;
 pub use device::AdapterSummary;
 pub(crate) use device::Gpu;
 
-/// Assertions for tests: shaders and host agree on the layout of structures and on constants.
+/// Assertions for tests that shaders and host agree on the layouts of structures and on constants.
 #[cfg(test)]
 pub(crate) mod layout {
     /// Asserts that the WGSL struct `name` of shader `shader` has exactly these members, offsets and size.

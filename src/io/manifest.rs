@@ -38,7 +38,7 @@ pub struct Manifest<R> {
     pub message: String,
     /// The start time of the run, RFC 3339 in UTC.
     pub started: String,
-    /// The seed of the random numbers of the tracer and of starting vectors.
+    /// The seed of the random numbers for light paths and for starting vectors.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub seed: Option<u64>,
     /// The graphics adapter that traced the light paths.
@@ -65,7 +65,7 @@ pub struct Manifest<R> {
     /// The backend that computed the products with the matrix.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub products: Option<ProductsOn>,
-    /// The cost of a run on a rig, and how its photos were taken.
+    /// The cost of a run on a rig, and the way in which its photos were taken.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub rig: Option<R>,
     /// The comparison of the results with light from which they were not computed.

@@ -26,7 +26,7 @@ pub struct Journal {
     pub(super) index: HashMap<Key, usize>,
     /// The offset of the next record.
     pub(super) end: u64,
-    /// Whether an error left the end of the file in an unknown state. If so, nothing more is written.
+    /// Whether an error left the end of the file in an unknown state. If so, nothing is written any more.
     pub(super) broken: bool,
     pub(super) synced: Synced,
 }

@@ -12,7 +12,7 @@ const MARKER: [u8; 8] = *b"\x89klxrec\n";
 /// The length of a head in bytes, up to the metadata.
 const HEAD_BYTES: usize = 120;
 
-/// The largest length of metadata. A larger value in a head is damage.
+/// The maximum length of metadata. A head that states more is damaged.
 pub(super) const MAX_METADATA_BYTES: u32 = 1 << 20;
 
 /// The kind of a record.
@@ -351,7 +351,7 @@ fn read_head(file: &File, identity_hash: &[u8; 32], at: u64, length: u64) -> io:
     Ok(head.entry(&bytes, metadata, identity_hash, at).map_or(Candidate::Garbage, Candidate::Record))
 }
 
-/// The offset of the first record with a valid head at or after `from`, except at `except`.
+/// The offset of the first record with a valid head at or after `from`. A record at `except` is ignored.
 fn find_record(
     file: &File,
     identity_hash: &[u8; 32],

@@ -41,7 +41,7 @@ use serde::{Deserialize, Serialize};
 pub use file::{Journal, Stored};
 pub use format::{Damage, Entry, Kind, Torn};
 
-/// The key of a record: the BLAKE3 hash of everything that the photo, pattern or note depends on.
+/// The key of a record: the BLAKE3 hash of everything on which the photo, pattern or note depends.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Key([u8; 32]);
 

@@ -206,9 +206,9 @@ impl<'a> Batch<'a> {
 /// A path's connection from its `k`-th surface to the other endpoint of the rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Connection {
-    /// Camera pixel `j`, in which the light arrives.
+    /// The camera pixel `j`, at which the light arrives.
     pub camera: u32,
-    /// Projector pixel `i`, from which the light comes.
+    /// The projector pixel `i`, from which the light comes.
     pub projector: u32,
     /// Number of surfaces on the path, `k`.
     pub bounces: u32,

@@ -25,7 +25,7 @@ pub(super) struct GpuScene {
     pub(super) textures: wgpu::Buffer,
     pub(super) texels: wgpu::TextureView,
     pub(super) srgb_table: wgpu::Buffer,
-    /// The triangles in the camera's frame, in the order of the tree's leaves.
+    /// The pairs of triangles in the camera's frame, in the order of the tree's leaves.
     pub(super) pairs_in_order: Vec<Pair>,
     pub(super) unit: Unit,
     pub(super) ambient: bool,
@@ -144,7 +144,7 @@ fn pack_pairs(scene: &Scene, frame: &CameraFrame, pairs: &[Pair]) -> (Vec<[u32; 
     for pair in pairs {
         let triangles: Vec<Triangle> =
             pair.triangles().map(|(rotated, _)| rotated.of(&scene.triangles)).collect();
-        // Both triangles of a pair have the same values.
+        // Both triangles of a pair have the same material and region.
         let Triangle { material, region, .. } = triangles[0];
         let needs_corners = textured[material as usize] || !triangles.iter().all(is_plain);
         // Each triangle has six texels of corner attributes. The array's size limit is far below u32::MAX, and is checked at its creation.

@@ -57,7 +57,7 @@ pub(super) struct SceneFeatures {
     /// Some surfaces are rough, and neither plain Lambertian nor smooth.
     pub(super) facets: bool,
     pub(super) transmits: bool,
-    /// Some surfaces reflect or refract into single directions.
+    /// Some surfaces reflect or refract light into a single direction.
     pub(super) chains: bool,
     /// Some surfaces let light pass straight through.
     pub(super) passable: bool,

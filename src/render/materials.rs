@@ -66,7 +66,7 @@ impl GpuMaterial {
             absorption: volume.map_or(Vec3::ZERO, |volume| volume.absorption()),
             transmission: material.transmission,
             cutoff,
-            // In glTF, an index of 0 means a Fresnel term of 1: light does not enter and is not refracted.
+            // In glTF, a refractive index of 0 means a Fresnel term of 1. No light enters such a surface, so none is refracted.
             ior: if volume.is_some() && material.ior > 0.0 { material.ior } else { 1.0 },
             normal_scale: material.normal_scale,
             padding: 0,
@@ -95,7 +95,7 @@ pub(super) fn pack_materials(scene: &Scene, unit: Unit) -> (Vec<[u32; 4]>, Vec<G
     (bytemuck::cast_slice(&materials).to_vec(), textures)
 }
 
-/// The factor of the material that a texture multiplies. `shaders/shared/texture.wgsl` defines the numbers.
+/// The property of a material that a texture multiplies. `shaders/shared/texture.wgsl` defines the numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum TextureRole {
     BaseColor,

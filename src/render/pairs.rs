@@ -139,7 +139,7 @@ fn neighbours(corners: &[[Vec3; 3]]) -> Vec<u32> {
         let (corners, from) = (corners[edge as usize / 3], edge as usize % 3);
         [corners[from], corners[(from + 1) % 3]]
     };
-    // Three times the largest number of triangles is far below 2³².
+    // Three times the maximum number of triangles is far below 2³².
     let count = 3 * corners.len() as u32;
     let mut edges: Vec<(u64, u32)> = (0..count)
         .map(|edge| {

@@ -34,7 +34,7 @@ impl Strategy {
         self.parameters.start.pixels() * u64::from(self.parameters.samples)
     }
 
-    /// The numbers of the strategy's paths that start from these pixels.
+    /// The range of the path numbers that start from these pixels.
     pub(super) fn paths_from(&self, pixels: &StartPixels) -> Range<u64> {
         let samples = u64::from(self.parameters.samples);
         let own = if self.layout.from_camera { &pixels.camera } else { &pixels.projector };

@@ -130,7 +130,7 @@ impl Team {
         }
     }
 
-    /// The placement of each process, by rank; empty if it is not known.
+    /// The placement of each process, by rank. The list is empty if placements are unknown.
     pub fn placements(&self) -> &[Placement] {
         &self.placements
     }

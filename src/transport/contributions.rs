@@ -75,7 +75,7 @@ pub(super) struct Row {
     pub(super) end: usize,
 }
 
-/// Rows of finished pixels in ascending order, each with its entries by ascending key.
+/// The rows of finished pixels, in ascending order of pixels. The terms of each row ascend by key.
 #[derive(Clone, Debug)]
 pub(super) struct Chunk<const C: usize> {
     pub(super) rows: Vec<Row>,
@@ -132,12 +132,12 @@ impl<const C: usize> Term<C> {
     }
 }
 
-/// The terms of a row at these pixels. The terms must ascend.
+/// The terms of a row whose other pixel is in `pixels`. The terms must ascend by key.
 pub(super) fn at<'a, const C: usize>(terms: &'a [Term<C>], pixels: &Range<usize>) -> &'a [Term<C>] {
     &terms[places(terms, pixels)]
 }
 
-/// The index range of a row's terms at these pixels. The terms must ascend.
+/// The index range of a row's terms whose other pixel is in `pixels`. The terms must ascend by key.
 pub(super) fn places<const C: usize>(terms: &[Term<C>], pixels: &Range<usize>) -> Range<usize> {
     let place = |pixel: usize| terms.partition_point(|term| (term.key.other() as usize) < pixel);
     place(pixels.start)..place(pixels.end)
@@ -146,7 +146,7 @@ pub(super) fn places<const C: usize>(terms: &[Term<C>], pixels: &Range<usize>) -
 /// Chunks whose terms have at least this size in bytes are long.
 const LONG: usize = 4 << 20;
 
-/// Chunks in order. Short chunks are joined to long ones, so that each long chunk returns its memory to the system.
+/// Chunks in order. Short chunks are joined into long chunks, whose memory the system gets back when they are freed.
 #[derive(Debug)]
 pub(super) struct Chunks<const C: usize> {
     long: Vec<Chunk<C>>,
@@ -236,11 +236,11 @@ impl<const C: usize> Chunk<C> {
 pub(super) struct Share<const C: usize> {
     /// Contributions to the matrix in the order of the paths, the camera's pixels first.
     pub(super) found: Found<C>,
-    /// The direct light of each camera pixel that returns to the same pixel, with its error. It is empty if the rig is not coaxial.
+    /// For each camera pixel, the direct light that returns to the same pixel, with its error. It is empty if the rig is not coaxial.
     pub(super) direct: Vec<Estimates<C>>,
     /// The light that the scene itself emits towards each camera pixel, with its error.
     pub(super) ambient: Vec<Estimates<C>>,
-    /// Whether each endpoint has paths in both halves of the samples, so that the noise is known.
+    /// Whether each endpoint has paths in both halves of the samples. If so, the noise is known.
     pub(super) has_halves: bool,
     pub(super) summary: TraceSummary,
 }

@@ -1,4 +1,4 @@
-//! Products that are written to a journal before they are used, and are never computed twice.
+//! A journal for products. A product is written to the journal before it is used, so no product is computed twice.
 
 use serde::{Deserialize, Serialize};
 
@@ -127,7 +127,7 @@ impl<'a> JournaledOperator<'a> {
         Ok(true)
     }
 
-    /// Computes the products at these ascending indices as one block.
+    /// Computes as one block the products whose ascending indices are given.
     fn take(
         &mut self,
         direction: Direction,

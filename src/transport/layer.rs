@@ -1,4 +1,4 @@
-//! The light of a given number of bounces as a sparse matrix.
+//! A layer: the light of a certain number of bounces, as a sparse matrix.
 
 use std::sync::OnceLock;
 
@@ -20,7 +20,7 @@ pub enum Bounces {
     Global,
 }
 
-/// A sparse part of the transport matrix, with `f32` weights per channel on a common sparsity pattern.
+/// The part of the transport matrix for some numbers of bounces. It is sparse, with one `f32` weight per entry and channel.
 #[derive(Clone, Debug)]
 pub struct Layer {
     bounces: Bounces,

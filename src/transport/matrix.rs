@@ -19,7 +19,7 @@ use crate::sparse::Csr;
 /// The number of rows of a task if the matrix has only a diagonal.
 const BAND: usize = 4096;
 
-/// A part of the light that a product carries.
+/// A part of the light, selected by the number of bounces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Part {
     /// All light, `A`.

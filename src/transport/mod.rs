@@ -54,7 +54,7 @@ use crate::image::{Image, LUMINANCE, Resolution};
 use crate::operator::Symmetry;
 use crate::sparse::Csr;
 
-/// A scene in front of a rig: a pattern is projected, and a photo is taken.
+/// A rig in front of a scene. It projects a pattern and takes a photo.
 pub trait Transport {
     /// The resolution of the projector and of its patterns.
     fn pattern_resolution(&self) -> Resolution;

@@ -1,15 +1,15 @@
-//! The noise of the frozen matrix, estimated from the difference between two independent halves of the samples.
+//! The noise of the traced matrix, estimated from the difference between two independent halves of the samples.
 
 use crate::error::Result;
 use crate::image::{Blur, Image};
 
-/// The standard deviation in pixels of the Gaussian neighbourhood that estimates a pixel's standard error. It averages about 28 squares.
+/// The standard deviation in pixels of the Gaussian that averages the squared errors around a pixel. It averages about 28 squares.
 const POOLED: f64 = 1.5;
 
-/// The noise of an estimate `Â = (n₁ Â₁ + n₂ Â₂)/N` from `N` samples per pixel in two independent halves.
+/// The noise of an estimate `Â = (n₁ Â₁ + n₂ Â₂)/N` from `N = n₁ + n₂` samples per pixel in two independent halves.
 ///
-/// `e = (Â₁ − Â₂) √(n₁ n₂)/N` has mean 0 and the variance of `Â`, entry by entry and in every linear function
-/// of the entries. It does not contain errors that both halves share, such as those of a photon map.
+/// `e = (Â₁ − Â₂) √(n₁ n₂)/N` has the mean 0 and the variance of `Â`. This holds for each entry, and for every linear function of the
+/// entries. Errors that both halves have in common, such as those of a photon map, are not included.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Noise {
     /// The errors of the photo under an all-ones pattern, pixel by pixel, in W/(m² sr), without ambient light. Each value is `|e|` of a
@@ -93,7 +93,7 @@ pub fn pooled(errors: &Image) -> Result<Image> {
     Image::from_planes(errors.resolution(), &planes)
 }
 
-/// `‖error‖/‖value‖` from the squares of both norms; 0 where both are 0.
+/// `‖error‖/‖value‖`, computed from the squares of both norms. It is 0 if both norms are 0.
 pub(super) fn relative(error_squares: f64, value_squares: f64) -> f64 {
     if error_squares == 0.0 { 0.0 } else { (error_squares / value_squares).sqrt() }
 }
@@ -102,7 +102,7 @@ pub(super) fn relative(error_squares: f64, value_squares: f64) -> f64 {
 /// order of the entries, so each process and each thread adds the entries that it merges.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct EntrySquares {
-    /// The sums over the entries without light of one bounce: nearly all entries.
+    /// The sums over entries without light of one bounce, which are nearly all entries.
     indirect: [ExactSum; 2],
     /// For entries with light of one bounce: the sums for all light of these entries. The next member has the sums for their light of two
     /// or more bounces.
@@ -189,7 +189,7 @@ const PART: u32 = 32;
 struct ExactSum {
     /// Part `i` counts multiples of `2^(32 i − 1075)`. A term adds less than 2⁸⁵ to a part, so 2⁴³ terms are possible.
     parts: [u128; 64],
-    /// The sum of the infinite and NaN terms: zero, infinity or NaN.
+    /// The sum of infinite and NaN terms. It is 0 if there are none.
     beyond: f64,
 }
 

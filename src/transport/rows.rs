@@ -49,7 +49,7 @@ struct Open<const C: usize> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Start {
     pixel: u32,
-    /// Whether it is a camera pixel. Otherwise it is a pixel of a projector that stands apart.
+    /// Whether the start pixel belongs to the camera. Otherwise it belongs to a projector that stands apart.
     from_camera: bool,
     paths: u32,
 }
@@ -80,7 +80,7 @@ impl<'a, const C: usize> Rows<'a, C> {
         self.steps.map_or(0, |steps| steps.of(start, from_camera, key.other()))
     }
 
-    /// [`Rows::add`] for paths that are given as start pixel, half, and connections.
+    /// Works like [`Rows::add`], for paths that are given as start pixel, half, and connections.
     #[cfg(test)]
     pub(super) fn add_paths(
         &mut self,

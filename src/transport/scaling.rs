@@ -34,7 +34,7 @@ pub(super) fn connections(tracer: &mut Tracer, pilot: &TraceSettings) -> Result<
     Ok((summary.paths, connections as f64 / summary.paths.max(1) as f64))
 }
 
-/// The predicted size of a matrix. It is an upper bound, apart from the sampling error of the pilot trace.
+/// The predicted size of a matrix. It is an upper bound, but may be too small by the sampling error of the pilot trace.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction {
     /// The number of connections.
@@ -127,7 +127,7 @@ pub struct Probe {
     pub merge: f64,
     /// Seconds to multiply an entry.
     pub multiply: f64,
-    /// Seconds to orthogonalize an entry of a vector against one other vector.
+    /// Seconds per entry to orthogonalize a vector against one other vector.
     pub orthogonalize: f64,
 }
 
@@ -136,7 +136,7 @@ pub struct Probe {
 pub struct Network {
     /// Bytes that a process can send per second.
     pub bandwidth: f64,
-    /// Seconds from sending a short message to its arrival.
+    /// Seconds between sending a short message and receiving it.
     pub latency: f64,
 }
 

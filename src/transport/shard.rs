@@ -18,7 +18,7 @@ use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
 /// The maximum number of parts into which the tracing of a matrix is divided.
 pub const MOST_PARTS: usize = 1 << 16;
 
-/// The longest side of a camera or projector, as for [`TraceSettings::check`].
+/// The maximum length of a side of a camera or projector in pixels, as in [`TraceSettings::check`].
 const LONGEST_SIDE: usize = 16384;
 
 /// Everything that describes a shard, without its contributions.

@@ -41,7 +41,7 @@ struct Task {
     left: Vec<Source>,
 }
 
-/// A task's part of some rows of the transpose.
+/// The part of some rows of the transpose that one task computes.
 pub(super) struct Transposed<const C: usize> {
     /// The index of the first term of each row, and the number of terms at the end.
     start: Vec<usize>,

@@ -57,7 +57,7 @@ impl<R: Read> Reader<R> {
         Ok(array)
     }
 
-    /// The next array. Each element has `C` numbers.
+    /// The next array, whose elements have `C` numbers each.
     fn take_channels<const C: usize>(&mut self) -> Result<Vec<[f32; C]>> {
         let length = self.length(size_of::<f32>())?;
         if length % C > 0 {

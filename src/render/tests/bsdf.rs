@@ -97,7 +97,7 @@ fn p_value(gpu: &Gpu, sampler: &Sampler, bsdf: &Bsdf, cos_o: f64, seed: usize) -
         .collect();
     let [reflected, refracted, passed, _] = densities[points.len()].map(|p| SAMPLES as f64 * f64::from(p));
     expected.extend([reflected, refracted, passed]);
-    // The remaining probability belongs to the case without a sample.
+    // With the remaining probability, there is no sample.
     let left = SAMPLES as f64 - expected.iter().sum::<f64>();
     assert!(left > -1e-3 * SAMPLES as f64, "the density integrates to more than 1: {left}");
     expected.push(left.max(0.0));

@@ -74,8 +74,8 @@ fn lambertian_albedo_is_its_colour() {
     for (color, cos_o) in [(1.0, 1.0), (1.0, 0.05), (0.5, 0.3)] {
         let Albedo { integral, sampled, error } = albedo(&gpu, &Bsdf::lambertian(color), cos_o, 0);
         let color = f64::from(color);
-        // cosθ/π cancels against the density up to rounding: there is no Monte Carlo error. The midpoint rule's relative
-        // error is dt²/2 − ds²/4.
+        // The factor cosθ/π and the density cancel up to rounding, so there is no Monte Carlo error. The relative error of the midpoint
+        // rule is dt²/2 − ds²/4.
         assert!(
             error < 1e-7 && (sampled - color).abs() < 4e-7 * color,
             "sampled {sampled}, expected {color}"
@@ -127,7 +127,7 @@ fn sampling_and_quadrature_find_one_albedo() {
     assert!(worst < 4.3 && z_rms < 1.3, "worst z {worst}, rms {z_rms}");
 }
 
-/// The least and the greatest albedo over the cosines from `from` up. The quadrature's error is of the order of 1e-5.
+/// The least and the greatest albedo over all cosines that are at least `from`. The quadrature has an error of the order of 1e-5.
 fn range(gpu: &Gpu, bsdf: &Bsdf, from: f64) -> (f64, f64) {
     let found = COSINES.iter().filter(|&&cos| cos >= from).map(|&cos_o| quadrature(gpu, bsdf, cos_o));
     let range = found.fold((f64::MAX, 0.0_f64), |(low, high), albedo| (low.min(albedo), high.max(albedo)));
@@ -169,7 +169,7 @@ fn white_dielectrics_reflect_no_more_than_they_receive() {
 #[test]
 fn rough_glass_lets_through_no_more_than_it_receives() {
     let gpu = gpu();
-    // Towards the denser medium, lobes are three times narrower. The quadrature resolves them from a width of 0.2.
+    // Lobes are three times narrower in the denser medium. The quadrature resolves lobes with a width of 0.2 and more.
     for alpha in [0.2, 0.5, 1.0] {
         for bsdf in [Bsdf::pane(alpha), Bsdf::glass(alpha), Bsdf::glass(alpha).beyond()] {
             let (low, high) = range(&gpu, &bsdf, 0.0);
@@ -180,7 +180,7 @@ fn rough_glass_lets_through_no_more_than_it_receives() {
         let (_, high) = range(&gpu, &paper, 0.0);
         assert!(high <= 1.0 + 1e-5, "{}: {high}", paper.describe());
     }
-    // Little light is lost where facets hardly hide each other.
+    // Little light is lost at directions in which facets hardly hide each other.
     assert!(range(&gpu, &Bsdf::glass(0.2), 0.5).0 > 0.95);
     assert!(range(&gpu, &Bsdf::glass(0.2).beyond(), 0.8).0 > 0.9);
 }

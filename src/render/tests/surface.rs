@@ -241,7 +241,7 @@ fn vertex_normals_are_blended_on_the_rays_side_and_above_the_horizon() {
     // The tolerance covers coordinates of 16 bits.
     assert_close(found[0].shading, blended, 1e-4);
     assert_close(found[1].shading, -blended, 1e-4);
-    // The third normal lies in the horizon, and is lifted a little.
+    // The third normal is tangential to the surface, and is lifted a little.
     assert_close(found[2].shading, vec3(-0.28, 0.96, 0.01).normalize(), 1e-4);
 
     scene.triangles[0].normals = [Vec3::ZERO; 3];
@@ -305,7 +305,7 @@ fn normal_maps_bend_the_smooth_normal_in_the_frame_of_their_coordinates() {
     }
 }
 
-/// Texel index of a coordinate that may lie outside `0..size`, by table 8.20 of OpenGL 4.6.
+/// The texel index for a coordinate that may lie outside `0..size`, by table 8.20 of OpenGL 4.6.
 fn wrapped(coordinate: i64, size: i64, wrap: Wrap) -> i64 {
     let mirror = |a: i64| if a >= 0 { a } else { -(1 + a) };
     match wrap {
@@ -349,7 +349,7 @@ fn textures_are_filtered_and_wrapped_as_gltf_defines() {
     for (u, v, linear) in
         wraps.iter().flat_map(|u| wraps.iter().flat_map(move |v| [(*u, *v, true), (*u, *v, false)]))
     {
-        // The sides are odd and even, and one texel.
+        // Odd sides, even sides, and a side of one texel occur.
         let (width, height) = [(5, 3), (4, 7), (1, 2)][scene.textures.len() % 3];
         let texels = (0..width * height).map(|_| random.random::<[u8; 4]>()).collect();
         scene.textures.push(Texture { name: String::new(), width, height, texels, wrap: [u, v], linear });

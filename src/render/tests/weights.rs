@@ -115,7 +115,7 @@ fn photos(
         let mut strategies = tracer.strategies(&settings).expect("the scene fits");
         if camera_alone {
             strategies.truncate(1);
-            // With no samples from the projector, every weight becomes 1.
+            // Without samples from the projector, every weight becomes 1.
             strategies[0].parameters.end_to_start = 0.0;
         }
         for strategy in &strategies {
@@ -172,7 +172,7 @@ const SEEDS: u32 = 20;
 fn assert_same_photos(name: &str, scene: &Scene, (of_camera, of_both): (&TraceSettings, &TraceSettings)) {
     let mut tracer = tracer(scene);
     let alone = photos(&mut tracer, of_camera, true, 0..SEEDS);
-    // The seeds differ from those of the camera's paths alone.
+    // These seeds differ from the seeds of the camera's paths alone.
     let both = photos(&mut tracer, of_both, false, 100..100 + SEEDS);
     let (spread, sum) = compare(&alone, &both);
     println!("{name}: z rms of pixels {spread:.3}, z of the sum {sum:+.2}");

@@ -26,7 +26,7 @@ struct Own<const C: usize> {
     matrix: TransportMatrix,
     direct: Vec<Estimates<C>>,
     ambient: Vec<Estimates<C>>,
-    /// The sums over rows and over entries, which determine the noise.
+    /// The sums over rows and over all entries, from which the noise is computed.
     sums: Vec<Estimates<C>>,
     squares: EntrySquares,
     has_halves: bool,
@@ -321,7 +321,7 @@ mod tests {
         let scene = crate::scene::builtin::corner().to_scene();
         let mut projector = scene.camera.clone();
         projector.position += 0.2 * projector.right;
-        // The upper part of the picture looks past the scene, so its pixels take fewer rays.
+        // The upper part of the picture does not show the scene, so its pixels need fewer rays.
         let mut scene = crate::scene::Scene { projector: Some(projector), ..scene };
         scene.camera.position += 0.6 * scene.camera.up;
         let mut tracer =

@@ -98,7 +98,7 @@ pub(in crate::transport) fn steps(comm: &dyn Comm, rig: RigShape, pixels: &[Star
     Ok(Steps::new(rig, groups.collect::<Result<_>>()?))
 }
 
-/// The sparse part of the matrix that one process holds, with the sums that determine its noise.
+/// The layers of the matrix that one process holds, with the sums from which the noise is computed.
 pub(in crate::transport) struct Combined<const C: usize> {
     /// One layer for each class of bounces. The first layer has one bounce.
     pub(in crate::transport) layers: Vec<Tiles>,

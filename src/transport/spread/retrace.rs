@@ -163,7 +163,7 @@ mod tests {
         assert_eq!(paths(&StartPixels { camera: 3..5, projector: 0..7 }, &few), 9 << 18);
     }
 
-    /// Records the done and the total paths at each step.
+    /// Records, at each step, the number of finished paths and the total.
     #[derive(Default)]
     struct Seen(Mutex<Vec<(u64, u64)>>);
 

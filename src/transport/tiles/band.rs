@@ -15,7 +15,7 @@ pub(super) struct Start {
     pub(super) step: usize,
 }
 
-/// The arrays of one tile that receive a window's entries.
+/// The arrays of a tile into which a window writes its entries.
 pub(super) struct Filled<'a> {
     pub(super) slices: &'a mut [Slice],
     pub(super) columns: &'a mut [[u16; LANES]],
@@ -128,7 +128,7 @@ impl Place {
     }
 }
 
-/// Some entries of consecutive rows with nearby columns.
+/// Entries of consecutive rows. Their columns are close together, so that 16 bits are enough.
 pub(in crate::transport) struct Fragment {
     pub(in crate::transport) first: usize,
     /// The number that is added to each of `columns`.

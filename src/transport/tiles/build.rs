@@ -17,7 +17,7 @@ const GROUPS: usize = 16;
 
 pub(in crate::transport) struct Builder {
     tiles: Tiles,
-    /// Whether the given rows have only the part on and above the diagonal.
+    /// Whether the pushed rows contain only the entries on and above the diagonal.
     symmetric: bool,
     /// The number of rows of a group. A group consists of whole bands.
     group: usize,

@@ -37,7 +37,7 @@ pub(crate) enum Entries {
     Upper,
 }
 
-/// A sparse matrix in tiles, with one set of `f32` weights per channel on a common sparsity pattern.
+/// A sparse matrix in tiles. An entry has one `f32` weight for each channel.
 #[derive(Clone, Debug)]
 pub(crate) struct Tiles {
     rows: usize,

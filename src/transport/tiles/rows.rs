@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-/// A sparse matrix in compressed rows, with `f32` weights per channel on a common sparsity pattern. Layers are
-/// built and written in this form.
+/// A sparse matrix in compressed rows. An entry has one `f32` weight for each channel. Layers are built and written in this form.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CompressedRows {
     /// For each row, the offset into `columns`; and the number of entries at the end.
