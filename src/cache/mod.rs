@@ -106,8 +106,8 @@ impl Key {
         &self.label
     }
 
-    /// The pixels of camera and projector. `symmetric` is false if the matrix is not square. If the matrix is square, `symmetric` is true,
-    /// although only the tracer knows whether the rig is coaxial.
+    /// The pixels of camera and projector. `symmetric` is false for a matrix that is not square. For a square matrix it is true, although
+    /// only the tracer knows whether the rig is coaxial.
     fn rig(&self) -> RigShape {
         self.rig
     }
@@ -219,7 +219,7 @@ impl Cache {
             }
             remove(&entry.files)?;
             held -= entry.bytes;
-            // The new matrix is sorted last. If it is reached, it exceeds the limit alone, because of the headers of its archive.
+            // The new matrix is sorted last. If even it is removed, it alone exceeds the limit, because of the headers of its archive.
             if entry.key == key.hex() {
                 return Ok(false);
             }

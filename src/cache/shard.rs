@@ -41,7 +41,7 @@ pub struct ShardOrigin {
 }
 
 impl ShardOrigin {
-    /// The differences between `other` and this origin, as sentences about `other`. The list is empty if both are the same matrix.
+    /// The differences between `other` and this origin, as sentences about `other`. The list is empty if both describe the same matrix.
     pub fn differences(&self, other: &Self) -> Vec<String> {
         let names =
             self.facts.keys().chain(other.facts.keys().filter(|name| !self.facts.contains_key(*name)));

@@ -25,7 +25,7 @@ const RECORD_BYTES_IN_CACHE: u64 = 8 << 20;
 pub(super) const MAX_PATHS: u32 = 65_535 * 64;
 
 /// The maximum number of surfaces that all paths of one invocation hit together. Software Vulkan stops an invocation after 65,535 loop
-/// iterations. Even in a scene of a million triangles, an invocation could hit a thousand surfaces.
+/// iterations. Even in a scene of a million triangles, an invocation reached a thousand surfaces within this limit.
 const SURFACES_OF_INVOCATION: u32 = 384;
 
 const MAX_PATHS_PER_INVOCATION: u32 = 64;

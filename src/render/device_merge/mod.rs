@@ -103,7 +103,7 @@ fn words_of_term(channels: usize) -> usize {
 /// Whether a tracer lets its device sort and sum contributions.
 #[derive(Default)]
 pub(super) struct Trust {
-    /// The caller's choice. By default, a device does so unless it is the processor itself.
+    /// The caller's choice. By default, a device sorts and sums unless it is the processor itself.
     pub(super) asked: Option<bool>,
     /// Whether the terms of a large dispatch have been compared with the host's terms.
     pub(super) is_checked: bool,
