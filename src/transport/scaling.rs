@@ -120,8 +120,8 @@ pub struct Probe {
     pub path: f64,
     /// Connections of a light path.
     pub connections: f64,
-    /// The share of all pixels that the paths of a pixel reach, as if they reached them with equal probability. It determines how many
-    /// connections share an entry.
+    /// The share of all pixels that the paths of a pixel reach, if all reached pixels are taken to be equally likely. It determines how
+    /// many connections share an entry.
     pub reached: f64,
     /// Seconds to merge an entry into the matrix.
     pub merge: f64,
@@ -279,8 +279,8 @@ impl Probe {
     }
 }
 
-/// The share of the `ends` pixels that a pixel's paths reach. It is such that `connections` connections to equally likely pixels of this
-/// share hit `found` different pixels.
+/// The share of the `ends` pixels that a pixel's paths can reach. All reachable pixels are taken to be equally likely, and `connections`
+/// connections hit `found` different ones.
 fn reached(connections: f64, found: f64, ends: f64) -> f64 {
     let hit = |share: f64| {
         let reached = share * ends;
