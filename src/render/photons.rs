@@ -36,8 +36,8 @@ pub(super) struct PhotonMap {
 pub struct Gather {
     /// Number of chains traced from each pixel.
     pub photons: u32,
-    /// The radius of the density estimate. Its unit is a median over all photons: each photon has the radius of a disc whose area is the
-    /// footprint of a pixel through its chain. A smaller radius reduces the bias and increases the variance.
+    /// The radius of the density estimate, in units of a median over all photons: the median radius of a disc with the area of a pixel's
+    /// footprint through the photon's chain. A smaller radius reduces the bias and increases the variance.
     pub radius: f32,
 }
 

@@ -67,7 +67,7 @@ fn upper_incomplete_gamma(a: f64, x: f64) -> f64 {
     front * fraction
 }
 
-/// `ln Γ(a)` by Stirling's series, whose error is below 1e-15 for arguments of 15 and above. `Γ(a+1) = a Γ(a)` raises smaller arguments.
+/// `ln Γ(a)` by Stirling's series, whose error is below 1e-15 for `a ≥ 15`. A smaller `a` is increased by `Γ(a+1) = a Γ(a)` first.
 fn ln_gamma(a: f64) -> f64 {
     if a < 15.0 {
         return ln_gamma(a + 1.0) - a.ln();

@@ -169,7 +169,7 @@ fn estimates_and_rows_are_read_as_they_were_written() {
     }
 }
 
-/// Each process sends to others the transpose of the columns that they need, row by row. Column numbers start at its first row.
+/// The transpose of some columns: a row becomes the column with the row's number, counted from the number of this process's first row.
 #[test]
 fn the_transpose_of_some_columns_counts_from_the_first_row() {
     let transposed = rows().transposed(&(4..10), 100);
