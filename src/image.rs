@@ -1,4 +1,4 @@
-//! Images: patterns and photos as dense `f32` rasters in linear radiometric units.
+//! Images are patterns and photos, as dense `f32` rasters in linear radiometric units.
 
 use crate::error::{Error, Result};
 
@@ -11,9 +11,9 @@ pub const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "StatedResolution")]
 pub struct Resolution {
-    /// Columns; column 0 is the left.
+    /// The number of columns. Column 0 is at the left.
     pub width: usize,
-    /// Rows; row 0 is the top.
+    /// The number of rows. Row 0 is at the top.
     pub height: usize,
 }
 
@@ -23,7 +23,7 @@ struct StatedResolution {
     height: usize,
 }
 
-/// The largest number of pixels that a file may state. No image has this many, and sums of a few cannot overflow.
+/// The maximum number of pixels that a file may state. No image has this many pixels, and sums of a few such numbers cannot overflow.
 const MAX_STATED_PIXELS: usize = 1 << 40;
 
 impl TryFrom<StatedResolution> for Resolution {
@@ -45,7 +45,7 @@ impl Resolution {
         Self { width, height }
     }
 
-    /// The number of pixels, `n = w·h`. The pixel at column `x`, row `y` has index `y·w + x`.
+    /// The number of pixels, `n = w·h`. The pixel at column `x`, row `y` has the index `y·w + x`.
     pub fn pixels(self) -> usize {
         self.width * self.height
     }
@@ -57,11 +57,11 @@ impl std::fmt::Display for Resolution {
     }
 }
 
-/// A raster of 1 (luma) or 3 (linear RGB) channels, interleaved, row by row from the top left: sample `c` of pixel `(x, y)`
-/// is `samples[(y·w + x)·channels + c]`.
+/// A raster of 1 (luma) or 3 (linear RGB) channels, interleaved, row by row from the top left: sample `c` of pixel `(x, y)` is
+/// `samples[(y·w + x)·channels + c]`.
 ///
-/// In a pattern, 1 stands for an irradiance of 1 W/m² per channel on a fronto-parallel plane at 1 m. In a photo, values are
-/// radiance in W/(m² sr).
+/// In a pattern, 1 stands for an irradiance of 1 W/m² per channel on a fronto-parallel plane at 1 m. In a photo, values are radiance in
+/// W/(m² sr).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     resolution: Resolution,
@@ -147,17 +147,17 @@ impl Image {
     }
 }
 
-/// The radius of the kernel in standard deviations.
+/// The radius of the blur kernel in standard deviations.
 const REACH: f64 = 4.0;
 
 /// A separable Gaussian blur `K` of images of one resolution.
 ///
-/// Each image is continued beyond its edges by reflection at the border between pixels (`… c b a | a b c …`). Then `K = Kᵀ`,
-/// so `K A K` is symmetric for a symmetric `A`. Also `K 1 = 1`, so a constant pattern stays constant.
+/// Each image is extended beyond its edges by reflection at the border between pixels (`… c b a | a b c …`). Then `K = Kᵀ`, so `K A K` is
+/// symmetric for a symmetric `A`. Also `K 1 = 1`, so a constant pattern stays constant.
 #[derive(Clone, Debug)]
 pub struct Blur {
     resolution: Resolution,
-    /// The weights from the centre outwards. Together with their mirror images they sum to 1.
+    /// The weights from the centre outwards. Together with their mirror images, they sum to 1.
     kernel: Vec<f64>,
 }
 
@@ -179,9 +179,9 @@ impl Blur {
         self.resolution
     }
 
-    /// The blurred image `K x`. Both have `n` values.
+    /// The blurred image `K x`. `x` and `K x` have `n` values each.
     pub fn apply(&self, x: &[f64]) -> Vec<f64> {
-        // The rows are convolved, and then the columns. Each weight of the kernel adds a shifted copy of a whole row, which is fast.
+        // Rows are convolved first, and then columns. For each weight of the kernel, a shifted copy of a whole row is added, which is fast.
         let (width, height) = (self.resolution.width, self.resolution.height);
         let reach = self.kernel.len() - 1;
         let mut rows = vec![0.0; x.len()];
@@ -211,10 +211,10 @@ impl Blur {
         picture
     }
 
-    /// The `n` variances of the entries of `K x`, if the entries of `x` are independent and have these `n` variances.
+    /// The variances of the `n` entries of `K x`, if the entries of `x` are independent and have the given `n` variances.
     pub fn variance(&self, variance: &[f64]) -> Vec<f64> {
         let (width, height) = (self.resolution.width, self.resolution.height);
-        // Near an edge, a pixel enters more than once. Its weights are therefore summed before they are squared.
+        // Near an edge, a pixel contributes more than once. Its weights are therefore summed before they are squared.
         let [across, down] = [width, height]
             .map(|length| (0..length).map(|at| self.weights(at, length)).collect::<Vec<Vec<(usize, f64)>>>());
         let sum = |row: &[(usize, f64)], of: &dyn Fn(usize) -> f64| {
@@ -253,13 +253,13 @@ fn add(sum: &mut [f64], weight: f64, of: &[f64]) {
     sum.iter_mut().zip(of).for_each(|(sum, value)| *sum += weight * value);
 }
 
-/// The index of the pixel at position `at` when a row of `length` pixels is continued by repeated reflection at its ends.
+/// The index of the pixel at position `at`, if a row of `length` pixels is extended by repeated reflection at its ends.
 fn mirrored(at: isize, length: usize) -> usize {
     let within = at.rem_euclid(2 * length as isize) as usize;
     if within < length { within } else { 2 * length - 1 - within }
 }
 
-/// The sorted value at the index nearest to the quantile `rank`, from 0 to 1; 0 without values. No value may be NaN.
+/// The sorted value at the index nearest to the quantile `rank`, from 0 to 1. Without values, the result is 0. No value may be NaN.
 pub(crate) fn percentile(values: impl IntoIterator<Item = f64>, rank: f64) -> f64 {
     let mut values: Vec<f64> = values.into_iter().collect();
     if values.is_empty() {
@@ -285,7 +285,7 @@ mod tests {
 
     #[test]
     fn the_blur_is_symmetric_keeps_constants_and_predicts_variances() {
-        // The kernel is wider than the image is high, so positions are reflected more than once.
+        // The kernel is wider than the height of the image, so positions are reflected more than once.
         let resolution = Resolution::new(7, 3);
         let blur = Blur::new(resolution, 1.3).expect("wider than 0");
         let n = resolution.pixels();

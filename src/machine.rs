@@ -1,4 +1,4 @@
-//! The memory and the threads that this machine grants the process.
+//! The memory and the threads that this machine grants this process.
 
 use std::cell::Cell;
 use std::fs;
@@ -7,7 +7,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 use std::thread::{self, JoinHandle};
 
-/// The bytes of memory that this process may use, which a container or `ulimit -v` may limit; 8 GiB if the machine does not say.
+/// The bytes of memory that this process may use, which a container or `ulimit -v` may limit; 8 GiB if the machine does not state it.
 pub(crate) fn memory() -> u64 {
     let of_container = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
     let stated = of_container.iter().filter_map(|path| fs::read_to_string(path).ok()?.trim().parse().ok());
@@ -21,22 +21,22 @@ fn total_memory() -> Option<u64> {
     Some(total.trim().trim_end_matches(" kB").parse::<u64>().ok()? * 1024)
 }
 
-/// The bytes of address space that `ulimit -v` allows this process; `None` without a limit.
+/// The bytes of address space that `ulimit -v` allows this process; `None` if there is no limit.
 pub(crate) fn address_space() -> Option<u64> {
     address_space_in(&fs::read_to_string("/proc/self/limits").ok()?)
 }
 
-/// [`address_space`] from the text of `/proc/self/limits`.
+/// Finds [`address_space`] in the text of `/proc/self/limits`.
 fn address_space_in(limits: &str) -> Option<u64> {
     let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// The largest number of threads that share computations: in total, and for each core. A request for more is cut to these.
+/// The maximum number of threads that share computations: in total, and for each core. Larger requests are reduced to these numbers.
 const MOST_THREADS: usize = 1024;
 const MOST_OF_CORE: usize = 4;
 
-/// The result of `work`; `None` if it panics, which is not printed. `work` must not leave half-changed data that is used later.
+/// The result of `work`; `None` if `work` panics, which is not printed. `work` must not leave behind half-changed data that is used later.
 pub(crate) fn unless_panics<T>(work: impl FnOnce() -> T) -> Option<T> {
     thread_local!(static IS_SILENT: Cell<bool> = const { Cell::new(false) });
     static HOOK: Once = Once::new();
@@ -54,29 +54,29 @@ pub(crate) fn unless_panics<T>(work: impl FnOnce() -> T) -> Option<T> {
     outcome.ok()
 }
 
-/// Starts the threads that share computations: one for each core, or the number that `RAYON_NUM_THREADS` states, up to
-/// [`MOST_OF_CORE`] for each core. A limit on processes or address space may allow only fewer. Without this function, the first
-/// computation would end the process if some threads could not be started.
+/// Starts the threads that share computations: one for each core, or as many as `RAYON_NUM_THREADS` states, up to [`MOST_OF_CORE`] for each
+/// core. Fewer threads start if there is a limit on processes or address space. Without this function, the process would end at the first
+/// computation if some threads could not be started.
 pub(crate) fn start_threads() {
     let cores = thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let wanted = wanted(rayon_threads(), cores);
     let started = started(wanted, || thread::Builder::new().spawn(thread::park));
     let builder = match started {
-        // Some threads are left for the graphics driver and for watching Ctrl-C.
+        // Some threads are left for the graphics driver, and for the thread that waits for Ctrl-C.
         all if all == wanted => rayon::ThreadPoolBuilder::new().num_threads(wanted),
         some if some > 3 => rayon::ThreadPoolBuilder::new().num_threads(some / 2),
         _ => rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread(),
     };
-    // This fails if a program that uses the library has already started a pool. That pool then serves.
+    // The call fails if a program that uses this library has already started a pool. That pool is then used.
     let _ = builder.build_global();
 }
 
-/// The number of threads that should share computations. `asked` is the number that the user asked for.
+/// The number of threads that should share computations. `asked` is the number that the user requested.
 fn wanted(asked: Option<usize>, cores: usize) -> usize {
     asked.unwrap_or(cores).min(MOST_OF_CORE.saturating_mul(cores)).min(MOST_THREADS)
 }
 
-/// Whether one more thread can be started. Some libraries start one without asking, and end the process if that fails.
+/// Whether one more thread can be started. Some libraries start a thread unconditionally, and end the process if this fails.
 pub(crate) fn has_thread() -> bool {
     started(1, || thread::Builder::new().spawn(thread::park)) == 1
 }
@@ -85,7 +85,7 @@ fn rayon_threads() -> Option<usize> {
     std::env::var("RAYON_NUM_THREADS").ok()?.parse().ok().filter(|&threads| threads > 0)
 }
 
-/// The number of the `wanted` threads that can run at the same time. They are parked, and they end before this function returns.
+/// The number of threads, at most `wanted`, that can exist at the same time. They are parked, and end before this function returns.
 fn started(wanted: usize, spawn: impl Fn() -> io::Result<JoinHandle<()>>) -> usize {
     let threads: Vec<JoinHandle<()>> = (0..wanted).map_while(|_| spawn().ok()).collect();
     let count = threads.len();

@@ -1,10 +1,10 @@
 //! The files of a cached matrix, one for each channel.
 //!
-//! A file is a ZIP archive. Its members `indices`, `indptr`, `data`, `shape` and `format` are SciPy's. They hold the last layer: the light
-//! of two bounces and more, or of three and more if the second bounce is a separate layer. The members of other layers have the layer's
-//! name as a prefix. Each layer of a symmetric matrix has only its entries on and above the diagonal: the matrix is `U + Uᵀ - diag(U)`.
-//! `direct` is the diagonal, `ambient` the photo without the projector, `white_error` the noise of the white photo, and `noise` the
-//! relative errors. `krylux.json` is the record of everything else.
+//! A file is a ZIP archive. Its members `indices`, `indptr`, `data`, `shape` and `format` are SciPy's, and contain the last layer: the
+//! light of two or more bounces, or of three or more bounces if light of two bounces is a separate layer. The members of other layers have
+//! the name of the layer as a prefix. Each layer of a symmetric matrix contains only its entries on and above the diagonal: with `U` for
+//! these entries, the matrix is `U + Uᵀ - diag(U)`. `direct` is the diagonal, `ambient` is the photo without projector light, `white_error`
+//! is the noise of the white photo, and `noise` has the relative errors. `krylux.json` is the record of everything else.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
@@ -26,7 +26,7 @@ use crate::transport::{
 
 const RECORD: &str = "krylux.json";
 
-/// The member `krylux.json` of a file: everything but the arrays. Its JSON text is part of the checksum.
+/// The member `krylux.json` of a file. It has everything except the arrays. Its JSON text is included in the checksum.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Record {
     pub(super) key: String,
@@ -45,7 +45,7 @@ pub(super) struct Record {
     pub(super) checksum: String,
 }
 
-/// One channel of a layer in CSR form: row starts, columns and weights. A symmetric matrix has only the entries on and above the diagonal.
+/// One channel of a layer in CSR form: row starts, columns and weights. A symmetric matrix has only its entries on and above the diagonal.
 pub(super) type Rows = (Vec<u64>, Vec<u32>, Vec<f32>);
 
 #[derive(Debug)]
@@ -57,12 +57,12 @@ pub(super) struct Arrays<L = Rows> {
     pub(super) noise: Vec<f64>,
 }
 
-/// A layer that is produced piece by piece while it is written.
+/// A layer whose arrays are produced in pieces while they are written.
 pub(super) trait InPieces {
-    /// The offset of each row, and the number of entries at the end.
+    /// For each row, the offset of its entries; and the number of entries at the end.
     fn starts(&self) -> Vec<u64>;
 
-    /// The numbers of columns and of weights, which are equal in a matrix.
+    /// The number of columns and the number of weights. In a matrix, they are equal.
     fn counts(&self) -> [usize; 2];
 
     fn columns<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<u32>> + 'a>;
@@ -70,7 +70,7 @@ pub(super) trait InPieces {
     fn weights<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<f32>> + 'a>;
 }
 
-/// The checksum of a record and its arrays, updated in the order of the fields while they are read or written.
+/// The checksum of a record and its arrays. It is updated in the order of the fields while they are read or written.
 struct Checksum(blake3::Hasher);
 
 impl Checksum {
@@ -119,7 +119,7 @@ impl Record {
     }
 }
 
-/// The name of a layer's array in the archive. The arrays of the last layer have SciPy's names; other layers add a prefix.
+/// The name of a layer's array in the archive. For the last layer, it is SciPy's name; for other layers, it has a prefix.
 fn member(bounces: Bounces, last: bool, array: &str) -> String {
     let layer = match bounces {
         _ if last => return array.into(),
@@ -138,12 +138,12 @@ pub(super) fn write(key: &Key, files: &[PathBuf], traced: &Assembled) -> crate::
     Ok(())
 }
 
-/// The entries of each layer that a file contains.
+/// Which entries of each layer a file contains.
 fn kept(rig: RigShape) -> Entries {
     if rig.symmetric { Entries::Upper } else { Entries::All }
 }
 
-/// One channel of a layer in the form of a file.
+/// One channel of a layer, in the form in which a file contains it.
 struct OfChannel<'a> {
     layer: &'a Layer,
     channel: usize,
@@ -203,7 +203,7 @@ fn channel_content<'a>(key: &Key, traced: &'a Assembled, channel: usize) -> (Rec
     (record, arrays)
 }
 
-/// Writes the archive of one channel. The record comes last, because it contains the checksum of the arrays.
+/// Writes the archive of one channel. The record comes last, because it has the checksum of the arrays.
 pub(super) fn write_channel<L: InPieces>(
     file: &mut (impl Write + io::Seek),
     mut record: Record,
@@ -232,7 +232,7 @@ pub(super) fn write_channel<L: InPieces>(
     Ok(())
 }
 
-/// Writes the arrays of a layer. `name` gives their names.
+/// Writes the arrays of a layer. `name` returns the member name of each array.
 fn write_layer(
     archive: &mut ZipWriter<impl Write + io::Seek>,
     checksum: &mut Checksum,
@@ -243,7 +243,7 @@ fn write_layer(
     checksum.array(&starts);
     checksum.begin::<u32>(count);
     let columns = layer.columns().inspect(|piece| checksum.piece(piece)).flatten();
-    // SciPy uses one type for both index arrays, 32 bits if possible.
+    // SciPy uses one type for both index arrays: 32 bits if possible.
     if i32::try_from(count).is_ok() {
         sparse::add_to_npz(archive, &name("indices"), count, columns.map(|column| column as i32))?;
         sparse::add_to_npz(archive, &name("indptr"), starts.len(), starts.iter().map(|&v| v as i32))?;
@@ -264,7 +264,7 @@ pub(super) fn label(path: &Path) -> Option<String> {
 
 type Archive = ZipArchive<BufReader<File>>;
 
-/// Reads a matrix from the open files of its channels. The paths are for messages. `Err` says what is wrong with the files.
+/// Reads a matrix from the open files of its channels. The paths are for messages. The error text says what is wrong with the files.
 pub(super) fn read(key: &Key, files: Vec<(PathBuf, File)>) -> Result<Assembled, String> {
     let count = files.len();
     let channels = files.into_iter().enumerate().map(|(channel, (path, file))| {
@@ -333,7 +333,7 @@ fn read_indices(archive: &mut Archive, name: &str) -> Result<Vec<u64>, String> {
     }
 }
 
-/// Combines the channels into a matrix. Returns `None` if they differ in anything but their values.
+/// Combines the channels into a matrix. Returns `None` if channels differ in anything except their values.
 fn combine_channels(channels: Vec<(Record, Arrays)>) -> Option<Assembled> {
     let (first, shared) = channels.first()?;
     let (rig, kind, bounces) = (first.rig, first.channels, first.layers.clone());

@@ -1,6 +1,7 @@
 //! Compiled kernels in the cache, one file per adapter and driver version.
 //!
-//! A driver trusts its input. A file is used only if it belongs to the running user, nobody else may write it, and its checksum is right.
+//! A driver trusts compiled kernels. A file is used only if the running user owns it, nobody else may write it, and its checksum is
+//! correct.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,14 +11,14 @@ use crate::error::Result;
 use crate::gpu::AdapterSummary;
 use crate::{file, io};
 
-/// The largest file that is read, in bytes. The kernels of a scene take far less than a hundredth of it.
+/// The maximum size in bytes of a file that is read. The kernels of a scene take far less than a hundredth of it.
 const MOST: u64 = 64 << 20;
 
 const PREFIX: &str = "kernels-";
 const SUFFIX: &str = ".bin";
 
 impl Cache {
-    /// The kernels that an earlier run compiled for this adapter, or `None` if there are none that can be trusted.
+    /// The kernels that an earlier run compiled for this adapter; `None` if there are none, or if they cannot be trusted.
     pub fn kernels(&self, adapter: &AdapterSummary) -> Option<Vec<u8>> {
         let path = self.kernel_file(adapter);
         let about = fs::symlink_metadata(&path).ok()?;
@@ -29,7 +30,7 @@ impl Cache {
         (blake3::hash(&kernels).as_bytes()[..] == checksum[..]).then_some(kernels)
     }
 
-    /// Stores the compiled kernels of this adapter in place of earlier ones. It fails with [`Error::Write`](crate::Error::Write).
+    /// Stores the compiled kernels of this adapter, and replaces earlier ones. It fails with [`Error::Write`](crate::Error::Write).
     pub fn store_kernels(&self, adapter: &AdapterSummary, kernels: &[u8]) -> Result<()> {
         file::make_folder(&self.folder)?;
         let checksum = blake3::hash(kernels);

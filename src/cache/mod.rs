@@ -1,12 +1,12 @@
-//! The cache of traced matrices on disk, so that later runs on the same scene need not trace it again.
+//! The cache of traced matrices on disk. With it, later runs on the same scene need not trace the scene again.
 //!
-//! A matrix is found by its [`Key`], a hash of everything that it depends on. The cache has one file for each channel of a matrix: a ZIP
-//! archive that `scipy.sparse.load_npz` opens, with additional members (see `file`). Files are written atomically, so several runs can
-//! share a cache. A checksum reveals a damaged file; its matrix is then traced again.
+//! A matrix is found by its [`Key`], a hash of everything on which it depends. The cache has one file for each channel of a matrix. The
+//! file is a ZIP archive that `scipy.sparse.load_npz` opens, with additional members (see `file`). Files are written atomically, so several
+//! runs can share a cache. A checksum reveals damaged files; the matrix is then traced again.
 //!
 //! The cache also keeps the kernels that a driver has compiled.
 //!
-//! Parts of a matrix that are traced one by one are files of another kind ([`ShardFile`]). The user names these files.
+//! Parts of a matrix that are traced separately are files of another kind ([`ShardFile`]). The user names these files.
 
 mod check;
 mod file;
@@ -27,16 +27,16 @@ use crate::render::TraceSettings;
 use crate::scene::Scene;
 use crate::transport::{Assembled, Channels, RigShape};
 
-/// The version of everything that a matrix depends on but the key does not hash. It must be raised when the same paths give another
-/// matrix, when the file format changes, or when the host prepares a scene differently for the tracer (the pairing of triangles affects
-/// the last bits). Changed shaders need no new version, because the key hashes their sources.
+/// The version of everything that affects a matrix, but is not hashed in the key. It must be increased if equal paths give another matrix,
+/// if the file format changes, or if the host prepares a scene differently for the tracer (the pairing of triangles affects the last bits).
+/// Changed shaders need no new version, because the key hashes their sources.
 const OPERATOR_VERSION: u32 = 4;
 
 const HEX_DIGITS: usize = 32;
 
-/// The key of a traced matrix: a BLAKE3 hash of everything that the matrix depends on. It covers the scene's files, camera, projector and
+/// The key of a traced matrix: a BLAKE3 hash of everything on which the matrix depends. It covers the scene's files, camera, projector and
 /// materials, the resolutions, samples, bounces, seed, sampler, channels and layers, and the sources of the shaders. It also covers the
-/// adapter and its driver, because the results of sines and powers depend on the device.
+/// adapter and its driver, because sines and powers differ between devices.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Key {
     hex: String,
@@ -46,7 +46,7 @@ pub struct Key {
 }
 
 impl Key {
-    /// The key of the matrix that results from tracing `scene` on `adapter`. `split` is as in [`crate::transport::assemble_layers`].
+    /// The key of the matrix that tracing `scene` on `adapter` gives. `split` is as in [`crate::transport::assemble_layers`].
     /// [`Scene::hash`] covers geometry and textures.
     ///
     /// The key hashes the `Debug` texts of the camera, the materials, the settings and the channels. Renaming a field of these types
@@ -60,12 +60,12 @@ impl Key {
     ) -> Self {
         let mut hasher = blake3::Hasher::new();
         let mut part = |text: &str| {
-            // The length separates the parts: different parts with the same concatenation have different hashes.
+            // The length separates the parts, so different lists of parts with equal concatenations have different hashes.
             hasher.update(&(text.len() as u64).to_le_bytes());
             hasher.update(text.as_bytes());
         };
         part(&format!("krylux operator {OPERATOR_VERSION}"));
-        // The shader of products does not affect the matrix.
+        // The shader that computes products does not affect the matrix.
         shader::SOURCES.iter().filter(|(name, _)| *name != "product").for_each(|(name, source)| {
             part(name);
             part(&without_comments(source));
@@ -85,12 +85,12 @@ impl Key {
             settings.seed
         );
         let (camera, projector) = (settings.resolution, settings.projector.unwrap_or(settings.resolution));
-        // Only the tracer knows whether the rig is coaxial.
+        // Only the tracer knows whether the rig is coaxial. Here, equal resolutions are enough.
         let rig = RigShape { camera, projector, symmetric: camera == projector };
         Self { hex, label, channels, rig }
     }
 
-    /// A key from a file. The result is `None` for a text that is not a key, because keys become file names.
+    /// A key from a file. The result is `None` for a text that is not a key. This check is needed because keys become file names.
     fn stored(hex: String, label: String, channels: Channels, rig: RigShape) -> Option<Self> {
         let is_digit = |byte: u8| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte);
         (hex.len() == HEX_DIGITS && hex.bytes().all(is_digit)).then_some(Self { hex, label, channels, rig })
@@ -106,7 +106,8 @@ impl Key {
         &self.label
     }
 
-    /// The pixels of camera and projector. `symmetric` is false for a matrix that is not square; otherwise only the tracer knows.
+    /// The pixels of camera and projector. `symmetric` is false for a matrix that is not square. For a square matrix it is true, although
+    /// only the tracer knows whether the rig is coaxial.
     fn rig(&self) -> RigShape {
         self.rig
     }
@@ -117,7 +118,7 @@ impl Key {
     }
 }
 
-/// The source of a shader without comments and empty lines, which do not affect the matrix.
+/// The source of a shader without comments and empty lines. These do not affect the matrix.
 fn without_comments(source: &str) -> String {
     let code = source.lines().map(|line| line.split("//").next().unwrap_or_default().trim_end());
     code.filter(|line| !line.is_empty()).collect::<Vec<_>>().join("\n")
@@ -140,7 +141,7 @@ pub enum Found {
     Whole(Box<Assembled>),
     /// The cache has no matrix with this key.
     Missing,
-    /// The cache has files with this key, but they cannot be used for this reason.
+    /// The cache has files with this key, but they cannot be used, for this reason.
     Damaged(String),
 }
 
@@ -153,7 +154,7 @@ pub struct Entry {
     pub label: Option<String>,
     /// The size on disk in bytes.
     pub bytes: u64,
-    /// The last time when the matrix was stored or found.
+    /// The time at which the matrix was last stored or loaded.
     pub used: SystemTime,
     files: Vec<PathBuf>,
 }
@@ -166,7 +167,7 @@ pub fn default_folder() -> Option<PathBuf> {
 }
 
 impl Cache {
-    /// A cache in `folder` of at most `limit` bytes. The folder is created when the first matrix is stored. Links in it are not followed.
+    /// A cache in `folder` of at most `limit` bytes. Storing the first matrix creates the folder. Links in the folder are not followed.
     pub fn new(folder: impl Into<PathBuf>, limit: u64) -> Self {
         let folder = folder.into();
         crate::file::follow_no_links_below(&folder);
@@ -190,7 +191,7 @@ impl Cache {
         };
         match file::read(key, opened) {
             Ok(found) => {
-                // Errors are ignored: a read-only cache also works, but does not record times of use.
+                // Errors are ignored, because even a read-only cache is useful. It does not record times of use.
                 let touch = |path: &PathBuf| {
                     crate::file::open_to_change(path).map(|file| file.set_modified(SystemTime::now()))
                 };
@@ -201,8 +202,8 @@ impl Cache {
         }
     }
 
-    /// Stores a matrix, and removes the least recently used ones until the cache fits its limit. Returns `false`, and stores nothing, if
-    /// the matrix alone exceeds the limit. Another run may remove the matrix at any time. It fails with [`Error::Write`].
+    /// Stores a matrix. Then the least recently used matrices are removed until the cache fits its limit. Returns `false`, and stores
+    /// nothing, if the matrix alone exceeds the limit. Another run may remove the matrix at any time. It fails with [`Error::Write`].
     pub fn store(&self, key: &Key, traced: &Assembled) -> Result<bool> {
         if traced.matrix.bytes() as u64 > self.limit {
             return Ok(false);
@@ -218,7 +219,7 @@ impl Cache {
             }
             remove(&entry.files)?;
             held -= entry.bytes;
-            // The new matrix is sorted last, so it alone, with the headers of its archive, exceeds the limit.
+            // The new matrix is sorted last. If even it is removed, it alone exceeds the limit, because of the headers of its archive.
             if entry.key == key.hex() {
                 return Ok(false);
             }
@@ -226,12 +227,12 @@ impl Cache {
         Ok(true)
     }
 
-    /// All matrices, ordered by key. A folder that does not exist has none; one that cannot be read gives [`Error::Read`].
+    /// All matrices, ordered by key. If the folder does not exist, the list is empty. An unreadable folder gives [`Error::Read`].
     pub fn entries(&self) -> Result<Vec<Entry>> {
         let mut entries = BTreeMap::<String, Entry>::new();
         for path in self.listing()? {
             let Some(key) = key_of(&path) else { continue };
-            // Another run may have removed the file meanwhile.
+            // Another run may have removed the file in the meantime.
             let Ok(about) = fs::symlink_metadata(&path) else { continue };
             let used = about.modified().unwrap_or(SystemTime::UNIX_EPOCH);
             let entry = entries.entry(key.clone()).or_insert(Entry {
@@ -248,8 +249,8 @@ impl Cache {
         Ok(entries.into_values().collect())
     }
 
-    /// Removes all matrices, and returns their number and their size in bytes. It also removes compiled kernels, and temporary files that
-    /// a killed run left more than an hour ago. Other files in the folder stay. It fails with [`Error::Read`] or [`Error::Write`].
+    /// Removes all matrices, and returns their number and their total size in bytes. It also removes compiled kernels, and temporary files
+    /// that a killed run left more than an hour ago. Other files in the folder are kept. It fails with [`Error::Read`] or [`Error::Write`].
     pub fn clear(&self) -> Result<(usize, u64)> {
         let entries = self.entries()?;
         entries.iter().try_for_each(|entry| remove(&entry.files))?;
@@ -277,7 +278,7 @@ impl Cache {
     }
 }
 
-/// The key in the name of a cache file; `None` for other files.
+/// The key in the name of a cache file; `None` for any other file.
 fn key_of(path: &Path) -> Option<String> {
     let name = path.file_name()?.to_str()?;
     let (key, rest) = name.split_once('.')?;
@@ -295,7 +296,7 @@ fn is_unfinished(path: &Path) -> bool {
     parts.is_some_and(|(target, _)| key_of(Path::new(target)).is_some())
 }
 
-/// Whether a file was last written more than an hour ago: no run can still be writing it.
+/// Whether a file was last written more than an hour ago. No run can still be writing such a file.
 fn is_old(path: &Path) -> bool {
     let written = fs::symlink_metadata(path).and_then(|about| about.modified());
     written.is_ok_and(|when| when.elapsed().is_ok_and(|age| age > Duration::from_secs(3600)))

@@ -1,7 +1,7 @@
-//! The files of shards: parts of a matrix that are traced one by one, perhaps on other machines.
+//! The files of shards. A shard is a part of a matrix that is traced separately, perhaps on another machine.
 //!
-//! A file has a line that names the format, a line of JSON that describes the shard, the shard's arrays, and the BLAKE3 digest of all bytes
-//! before the digest. It is written and read in one pass.
+//! A file consists of a line that names the format, a line of JSON that describes the shard, the shard's arrays, and a BLAKE3 digest of all
+//! preceding bytes. It is written and read in one pass.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -16,7 +16,7 @@ use crate::file;
 use crate::io::atomic;
 use crate::transport::{Shard, ShardRecord};
 
-/// The first line up to the number of the format.
+/// The first line, up to the number of the format.
 const NAME: &str = "krylux shard ";
 const FORMAT: &str = "1";
 const LONGEST_LINE: u64 = 1 << 16;
@@ -31,17 +31,17 @@ struct Head {
     record: ShardRecord,
 }
 
-/// The matrix that a shard is a part of. Two shards belong to the same matrix if their keys and all facts are equal.
+/// The matrix to which a shard belongs. Two shards belong to the same matrix if their keys and all facts are equal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ShardOrigin {
     /// The key of the whole matrix.
     pub key: Key,
-    /// The facts that the matrix depends on, by name. Messages say which of them differ.
+    /// The facts on which the matrix depends, by name. Messages say which of them differ.
     pub facts: BTreeMap<String, String>,
 }
 
 impl ShardOrigin {
-    /// The differences of `other`, as sentences about it. The list is empty if both describe the same matrix.
+    /// The differences between `other` and this origin, as sentences about `other`. The list is empty if both describe the same matrix.
     pub fn differences(&self, other: &Self) -> Vec<String> {
         let names =
             self.facts.keys().chain(other.facts.keys().filter(|name| !self.facts.contains_key(*name)));
@@ -59,13 +59,13 @@ impl ShardOrigin {
     }
 }
 
-/// The first digits of a digest, or any other value unchanged.
+/// Shortens a digest to its first digits. Any other value is unchanged.
 fn shortened(value: &str) -> &str {
     let is_digest = value.len() == 64 && value.bytes().all(|byte| byte.is_ascii_hexdigit());
     if is_digest { &value[..12] } else { value }
 }
 
-/// Writes a shard, and returns its size in bytes. A failed write gives [`Error::Write`].
+/// Writes a shard, and returns the size of the file in bytes. A failed write gives [`Error::Write`].
 pub fn write_shard(path: &Path, origin: &ShardOrigin, shard: &Shard) -> Result<u64> {
     let head = Head {
         key: origin.key.hex().into(),
@@ -86,7 +86,7 @@ pub fn write_shard(path: &Path, origin: &ShardOrigin, shard: &Shard) -> Result<u
     Ok(bytes)
 }
 
-/// The file of a shard. Only its head has been read.
+/// The file of a shard, of which only the head has been read.
 #[derive(Debug)]
 pub struct ShardFile {
     path: PathBuf,
@@ -97,7 +97,7 @@ pub struct ShardFile {
 }
 
 impl ShardFile {
-    /// Whether a file begins like the file of a shard. An empty file counts. A file that cannot be read gives [`Error::Read`].
+    /// Whether a file begins like the file of a shard. An empty file does. A file that cannot be read gives [`Error::Read`].
     pub fn is_begun(path: &Path) -> Result<bool> {
         let mut begin = Vec::new();
         let file = file::open(path)?;
@@ -105,7 +105,7 @@ impl ShardFile {
         Ok(NAME.as_bytes().starts_with(&begin))
     }
 
-    /// Opens a file, and reads its head. It fails with [`Error::Read`], or with [`Error::Data`] if it is not the complete file of a shard.
+    /// Opens a file and reads its head. It fails with [`Error::Read`], or with [`Error::Data`] if this is not the complete file of a shard.
     pub fn open(path: &Path) -> Result<Self> {
         let file = file::open(path)?;
         let length = file.metadata().map_err(Error::reading(path))?.len();
@@ -130,7 +130,7 @@ impl ShardFile {
         &self.path
     }
 
-    /// The matrix that the shard is a part of.
+    /// The matrix to which the shard belongs.
     pub fn origin(&self) -> &ShardOrigin {
         &self.origin
     }
@@ -145,7 +145,7 @@ impl ShardFile {
         self.bytes
     }
 
-    /// Reads the shard. A file that is cut short or damaged gives [`Error::Data`].
+    /// Reads the shard. A truncated or damaged file gives [`Error::Data`].
     pub fn read(self) -> Result<Shard> {
         let Self { path, record, mut rest, bytes, .. } = self;
         let of = (record.part, record.parts);
@@ -172,7 +172,7 @@ fn require_format(path: &Path, line: &[u8]) -> Result<()> {
             format!("it is a shard of format {}, and this program reads format {FORMAT}", format.trim()),
         )
         .help("use the version of krylux that wrote it")),
-        // An empty file also counts as one that ends early.
+        // An empty file also counts as a file that ends early.
         _ if format!("{NAME}{FORMAT}\n").as_bytes().starts_with(line) => {
             Err(damaged(path, "it ends early", None))
         }
@@ -181,14 +181,14 @@ fn require_format(path: &Path, line: &[u8]) -> Result<()> {
     }
 }
 
-/// The error for an incomplete file. `of` is the shard's part and the number of parts, if the head could be read.
+/// The error for an incomplete file. `of` has the number of the shard's part and the number of parts, if the head could be read.
 fn damaged(path: &Path, why: &str, of: Option<(usize, usize)>) -> Error {
     let (part, parts) = of.map_or(("K".into(), "N".into()), |(k, n)| (k.to_string(), n.to_string()));
     Error::data(path, format!("the shard is cut short or damaged ({why})"))
         .help(format!("trace it again: krylux matrix SOURCE … --shard {part}/{parts} -o {}", path.display()))
 }
 
-/// A reader or writer with the hash of all bytes that passed through it.
+/// A reader or writer that hashes all bytes that pass through it.
 #[derive(Debug)]
 struct Digested<F> {
     inner: F,
@@ -196,7 +196,7 @@ struct Digested<F> {
 }
 
 impl<F: BufRead> Digested<F> {
-    /// The next line with its line end, or the available part of it.
+    /// The next line with its line end. The line is incomplete if the file ends early, or if the line is too long.
     fn line(&mut self) -> io::Result<Vec<u8>> {
         let mut line = Vec::new();
         self.inner.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)?;

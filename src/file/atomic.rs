@@ -12,13 +12,13 @@ use std::time::Duration;
 use super::spot::{FileKind, Spot};
 use crate::error::{Error, Result};
 
-/// Writes a file atomically: fills a temporary file in the same folder, flushes it to disk and renames it.
+/// Writes a file atomically: fills a temporary file in the same folder, flushes it to disk, and renames it.
 ///
-/// A reader of `path` always finds the complete old or the complete new content, even after a crash or on a full disk. In a run's folder
-/// and in the cache, links and pipes are refused. Elsewhere, links are followed, and pipes and devices are written directly.
+/// A reader of `path` always finds either the complete old content or the complete new content, even after a crash or on a full disk. In a
+/// run's folder and in the cache, links and pipes are refused. Elsewhere, links are followed, and pipes and devices are written directly.
 ///
 /// # Errors
-/// [`Error::Write`] naming `path` (not the temporary file), also when `fill` fails. The temporary file is removed.
+/// [`Error::Write`] naming `path` (not the temporary file), also if `fill` fails. The temporary file is then removed.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
     write_steps(path, fill).map_err(Error::writing(path))
 }
@@ -28,7 +28,7 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |file| file.write_all(bytes))
 }
 
-/// Checks that `path` can be written, so that a long run fails early. A failure is [`Error::Write`] naming `path`.
+/// Checks that `path` can be written, so that a long run fails early. If not, the call fails with [`Error::Write`] naming `path`.
 pub fn check_writable(path: &Path) -> Result<()> {
     let probe = || match Target::of(path)? {
         Target::Stream => OpenOptions::new().write(true).open(path).map(drop),
@@ -55,9 +55,9 @@ fn write_steps(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Resul
     }
 }
 
-/// The target of a write.
+/// What a write replaces or writes to.
 enum Target {
-    /// A regular file, or a file that does not exist yet. The path has the user's links resolved.
+    /// A regular file, or a file that does not exist yet. Links of the user are resolved in the path.
     File(Spot, PathBuf),
     /// A pipe or a device that the user named.
     Stream,
@@ -70,7 +70,7 @@ impl Target {
             Some(FileKind::Folder) => Err(ErrorKind::IsADirectory.into()),
             Some(FileKind::Other) if !spot.is_ours => Ok(Self::Stream),
             Some(FileKind::File) if !spot.is_ours => {
-                // If the file was removed meanwhile, there is no link to follow.
+                // If the file was removed in the meantime, there is no link to follow.
                 let real = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
                 Ok(Self::File(Spot::of(&real)?, real))
             }
@@ -80,14 +80,14 @@ impl Target {
     }
 }
 
-/// A file `.NAME.PID-SYSTEM-NUMBER.tmp` beside its target. It is removed unless it has been renamed.
+/// A file `.NAME.PID-SYSTEM-NUMBER.tmp` beside its target. When dropped, it is removed unless it was renamed.
 struct Temporary<'a> {
     target: &'a Spot,
     name: PathBuf,
 }
 
 impl<'a> Temporary<'a> {
-    /// Creates the file, and removes the temporary files that killed processes left in the folder.
+    /// Creates the file, and removes temporary files that killed processes have left in the folder.
     fn beside(target: &'a Spot, path: &Path) -> io::Result<(Self, File)> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
         let name = path
@@ -103,7 +103,7 @@ impl<'a> Temporary<'a> {
             let name = target.sibling(&own);
             match target.create_sibling(&name) {
                 Ok(file) => return Ok((Self { target, name }, file)),
-                // An earlier process with the same number left this file.
+                // An earlier process with the same process number left this file.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(error),
             }
@@ -113,18 +113,19 @@ impl<'a> Temporary<'a> {
 
 impl Drop for Temporary<'_> {
     fn drop(&mut self) {
-        // After the renaming, there is nothing to remove.
+        // If the file was renamed, there is nothing to remove.
         let _ = self.target.remove_sibling(&self.name);
     }
 }
 
 const SUFFIX: &str = ".tmp";
 
-/// After this time without a change, a file of another machine or container counts as left over, since its process cannot be looked up.
+/// A temporary file of another machine or container counts as left over if it has not changed for this long, because its process cannot be
+/// looked up.
 const FOREIGN_AGE: Duration = Duration::from_secs(24 * 3600);
 
-/// The writer's part in the name of a temporary file: `PID-SYSTEM-`. The system number stands for this boot of this machine and its space
-/// of process numbers, because another system uses the same process number for another process.
+/// The part `PID-SYSTEM-` of a temporary file's name, which identifies the writer. The system number identifies this boot of this machine
+/// and its namespace of process numbers, because other systems use the same process numbers for other processes.
 fn writer() -> String {
     format!("{}-{}-", std::process::id(), *SYSTEM)
 }
@@ -135,7 +136,7 @@ static SYSTEM: LazyLock<String> = LazyLock::new(|| {
     blake3::hash(format!("{boot} {}", processes.display()).as_bytes()).to_hex()[..8].to_owned()
 });
 
-/// Removes the temporary files that ended processes left in `folder`, once in each process. A file that cannot be removed does no harm.
+/// Removes the temporary files that ended processes have left in `folder`, once in each process. Files that cannot be removed are harmless.
 fn remove_left_over(folder: &Path) {
     static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let real = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_path_buf());
@@ -156,7 +157,7 @@ fn remove_in(folder: &Path) {
 
 fn is_left_over(name: &str, path: &Path) -> bool {
     let Some((process, system)) = writer_in(name) else { return false };
-    // A link is not one of krylux's temporary files.
+    // A link is never a temporary file of krylux.
     let Some(about) = fs::symlink_metadata(path).ok().filter(fs::Metadata::is_file) else { return false };
     if system == *SYSTEM && Path::new("/proc/self").exists() {
         return !Path::new(&format!("/proc/{process}")).exists();
@@ -189,7 +190,7 @@ mod tests {
     #[test]
     fn only_files_of_ended_processes_are_removed() {
         let folder = tempfile::tempdir().expect("a temporary folder can be made");
-        // No process has the highest number of the system's type.
+        // No process has the largest number that the type can hold.
         let dead = format!(".photo.npy.{}-{}-a7Xk2Q.tmp", u32::MAX, *SYSTEM);
         let foreign = ".photo.npy.7-00000000-a7Xk2Q.tmp".to_owned();
         let kept = [
@@ -211,7 +212,7 @@ mod tests {
         let is_there = |name: &String| folder.path().join(name).exists();
         assert!(!is_there(&dead), "{dead}");
         kept.iter().for_each(|name| assert!(is_there(name), "{name}"));
-        // Other programs' files stay even if they are old.
+        // Files of other programs are kept, even old ones.
         for name in &kept[2..] {
             let old = File::options().append(true).open(folder.path().join(name)).expect("it is there");
             old.set_modified(std::time::SystemTime::now() - 2 * FOREIGN_AGE).expect("files have times");

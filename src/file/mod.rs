@@ -1,7 +1,7 @@
-//! Files: reads the files that the user or another file names, and writes krylux's files.
+//! Reads files that the user or another file names, and writes krylux's files.
 //!
-//! A device, a pipe or a file that the system makes up is refused, since reading it might never end. Below the top of a run's
-//! folder or of the cache, no link is followed ([`follow_no_links_below`]).
+//! Devices, pipes and files whose content the system generates are refused, because reading them might never end. Below the top folder of a
+//! run or of the cache, no link is followed ([`follow_no_links_below`]).
 
 pub mod atomic;
 mod spot;
@@ -28,12 +28,12 @@ pub(crate) fn open_to_change(path: &Path) -> Result<File> {
     Spot::of(path).and_then(|spot| spot.open(Access::Change)).map_err(Error::writing(path))
 }
 
-/// Like [`open_to_change`], but makes the file if it does not exist.
+/// Works like [`open_to_change`], but creates the file if it does not exist.
 pub(crate) fn open_or_make(path: &Path) -> io::Result<File> {
     Spot::of(path)?.open(Access::Make)
 }
 
-/// The kind of file at a path; `None` if there is none. Links below a top are not followed.
+/// The kind of file at a path; `None` if nothing is there. Links below a top folder are not followed.
 pub(crate) fn kind(path: &Path) -> Result<Option<FileKind>> {
     let found = match Spot::of(path) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
@@ -68,7 +68,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
     read.map_err(Error::reading(path)).map(|_| text)
 }
 
-/// Opens a file that will be read as a whole. It must not take more than half of the memory.
+/// Opens a file that will be read completely. The file must fit into half of the memory.
 fn opened_to_hold(path: &Path) -> io::Result<File> {
     let file = opened(path)?;
     let (bytes, most) = (file.metadata()?.len(), machine::memory() / 2);
@@ -79,10 +79,10 @@ fn opened_to_hold(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// Opens a regular file. For anything else, the error says what it is.
+/// Opens a regular file. For everything else, the error says what it is.
 fn opened(path: &Path) -> io::Result<File> {
     let file = Spot::of(path)?.open(Access::Read)?;
-    // The system makes up the content of these folders while it is read.
+    // The system generates the content of these folders while it is read.
     let real = fs::canonicalize(path)?;
     if ["/proc", "/sys"].iter().any(|folder| real.starts_with(folder)) {
         let what = "it is not on disk, but made up by the system; give a file on disk";
@@ -99,15 +99,15 @@ fn no_folder(name: &Path, kind: FileKind) -> io::Error {
     io::Error::new(ErrorKind::InvalidInput, format!("{} is {what}", name.display()))
 }
 
-/// Why users other than root and this process's user may change a file or folder, such as `can be written by everybody`; `None` if they may
-/// not.
+/// The reason why users other than root and this process's user may change a file or folder, such as `can be written by everybody`; `None`
+/// if they may not.
 pub(crate) fn stranger(about: &fs::Metadata) -> Option<String> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::MetadataExt;
         stranger_of(rustix::process::geteuid().as_raw(), (about.uid(), about.mode()))
     }
-    // On other systems, nobody else writes to a user's folders.
+    // On other systems, only the user may write to the user's folders.
     #[cfg(not(unix))]
     {
         let _ = about;
@@ -115,7 +115,7 @@ pub(crate) fn stranger(about: &fs::Metadata) -> Option<String> {
     }
 }
 
-/// [`stranger`] for a user, an owner and a mode. The sticky bit of a folder does not help, since it lets others add files.
+/// Works like [`stranger`], for a user, an owner and a mode. A folder's sticky bit gives no protection: it lets others add files.
 #[cfg(unix)]
 fn stranger_of(user: u32, (owner, mode): (u32, u32)) -> Option<String> {
     if owner != user && owner != 0 {

@@ -1,5 +1,5 @@
-//! Paths and the files at their ends. Below the top of a run's folder or of the cache, no link is followed: a stranger's archive
-//! may hold links to any of the user's files.
+//! Paths, and the files to which they lead. Below the top folder of a run or of the cache, no link is followed, because an archive from a
+//! stranger may contain links to any of the user's files.
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
@@ -16,7 +16,7 @@ use super::system::unix as system;
 /// Absolute paths of the folders below which no link is followed.
 static TOPS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// From now on this process follows no link below `top`, and opens only regular files there. The path `top` itself may be a link.
+/// From now on, this process follows no link below `top`, and opens only regular files there. `top` itself may be a link.
 pub(crate) fn follow_no_links_below(top: &Path) {
     let top = if top.as_os_str().is_empty() { Path::new(".") } else { top };
     if let Ok(top) = absolute(top) {
@@ -28,7 +28,7 @@ pub(crate) fn follow_no_links_below(top: &Path) {
 pub(super) enum Access {
     Read,
     Change,
-    /// Read and write; make the file if it does not exist.
+    /// Read and write; the file is created if it does not exist.
     Make,
     /// Read and write; the file must not exist yet.
     New,
@@ -67,16 +67,16 @@ impl FileKind {
 pub(super) const LINK: &str =
     "a link, and no link is followed in the folder of a run or of the cache; remove it";
 
-/// A name in an open folder, or a path that the user named.
+/// A file as a name in an open folder, or as a path that the user named.
 pub(super) struct Spot {
     folder: system::Folder,
     name: PathBuf,
-    /// Whether the path lies below a top, so that no link is followed.
+    /// Whether the path lies below a top folder, so that no link is followed.
     pub(super) is_ours: bool,
 }
 
 impl Spot {
-    /// Follows a path to its last part. A path outside every top is taken as it is.
+    /// Follows a path up to its last part. A path outside of all top folders is used unchanged.
     pub(super) fn of(path: &Path) -> io::Result<Self> {
         let Some((top, mut parts)) = below_top(path)? else {
             return Ok(Self { folder: system::Folder::current(), name: path.to_path_buf(), is_ours: false });
@@ -86,7 +86,7 @@ impl Spot {
         Ok(Self { folder, name, is_ours: true })
     }
 
-    /// The kind of file; `None` if there is none. A link that the user named counts as the file that it leads to.
+    /// The kind of file; `None` if nothing is there. If the user named a link, this is the kind of the file to which the link leads.
     pub(super) fn kind(&self) -> io::Result<Option<FileKind>> {
         match self.folder.kind(&self.name, !self.is_ours) {
             Ok(kind) => Ok(Some(kind)),
@@ -95,7 +95,7 @@ impl Spot {
         }
     }
 
-    /// Opens a regular file, and nothing else: opening a pipe would wait for the other end.
+    /// Opens a regular file. Everything else is refused, because opening a pipe would wait for its other end.
     pub(super) fn open(&self, access: Access) -> io::Result<File> {
         if access != Access::New
             && let Some(kind) = self.kind()?
@@ -103,7 +103,7 @@ impl Spot {
             kind.require_file()?;
         }
         let file = self.folder.open_file(&self.name, access, !self.is_ours)?;
-        // The file may have been replaced since the first check.
+        // The file may have been replaced since it was checked for the first time.
         FileKind::of(file.metadata()?.file_type()).require_file()?;
         Ok(file)
     }
@@ -117,7 +117,7 @@ impl Spot {
         self.folder.open_file(name, Access::New, false)
     }
 
-    /// Renames the file `name` of the same folder to this spot's name, and replaces the file there.
+    /// Renames the file `name` in the same folder to this file's name. An existing file of this name is replaced.
     pub(super) fn take_from(&self, name: &Path) -> io::Result<()> {
         self.folder.rename(name, &self.name)
     }
@@ -140,7 +140,7 @@ pub(super) fn make_folder(path: &Path) -> io::Result<()> {
     parts.iter().try_fold(system::Folder::open(&top)?, make).map(drop)
 }
 
-/// The top above a path, and the parts of the path below it. A path that contains `..` counts as the user's, below no top.
+/// The top folder above a path, and the parts of the path below it. A path with `..` counts as a path of the user, outside of all tops.
 fn below_top(path: &Path) -> io::Result<Option<(PathBuf, Vec<PathBuf>)>> {
     let path = absolute(path)?;
     let tops = TOPS.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,6 +1,6 @@
-//! Opening of folders and of files in them, on each system.
+//! Opens folders, and files in them, on each operating system.
 
-/// Linux and macOS: files are opened relative to the descriptor of their folder, which was itself reached without following a link.
+/// For Linux and macOS. Files are opened relative to the descriptor of their folder, and the folder was reached without following a link.
 #[cfg(unix)]
 pub(super) mod unix {
     use std::fs::File;
@@ -12,7 +12,7 @@ pub(super) mod unix {
 
     use super::super::spot::{Access, FileKind};
 
-    /// An open folder; `None` is the current one.
+    /// An open folder; `None` is the current folder.
     pub struct Folder(Option<OwnedFd>);
 
     const FOLDER: OFlags = OFlags::DIRECTORY.union(OFlags::CLOEXEC);
@@ -54,7 +54,7 @@ pub(super) mod unix {
             })
         }
 
-        /// Opens a file without waiting, even if a pipe has taken its place.
+        /// Opens a file without waiting, even if a pipe has replaced the file.
         pub fn open_file(&self, name: &Path, access: Access, follow: bool) -> io::Result<File> {
             let how = match access {
                 Access::Read => OFlags::RDONLY,
@@ -81,8 +81,8 @@ pub(super) mod unix {
     }
 }
 
-/// Windows and other systems: every part of a path is checked before it is used. Another program could put a link there after the
-/// check; Windows then opens the link itself, and it is refused.
+/// For Windows and other systems. Every part of a path is checked before it is used. If another program puts a link there after the check,
+/// Windows opens the link itself, and it is refused.
 #[cfg(any(not(unix), test))]
 pub(super) mod any_system {
     use std::fs::{self, File, OpenOptions};

@@ -1,4 +1,4 @@
-//! Random trees of links and pipes: nothing outside the top is read or changed, and nothing waits.
+//! Tests with random trees of links and pipes. Nothing outside of the top folder is read or changed, and no call waits.
 
 use std::os::unix::fs::symlink;
 use std::path::PathBuf;
@@ -27,7 +27,7 @@ fn thing() -> impl Strategy<Value = Thing> {
     prop::sample::select(vec![File, Folder, Folder, Folder, Pipe, LinkToFile, LinkToFolder, LinkToNothing])
 }
 
-/// A folder of the user, and beside it a run's folder with random things in `a`, `a/a`, `b` and so on.
+/// A folder of the user, which contains a run's folder with random things in `a`, `a/a`, `b` and so on.
 struct Tree {
     folder: tempfile::TempDir,
 }
@@ -46,7 +46,7 @@ impl Tree {
             if path.ancestors().skip(1).any(Path::is_symlink) {
                 continue;
             }
-            // This fails where the parent is not a folder or something already exists; that is ignored.
+            // The call fails if the parent is not a folder, or if something already exists. Such failures are ignored.
             let _ = match thing {
                 Thing::File => fs::OpenOptions::new().write(true).create_new(true).open(&path).map(drop),
                 Thing::Folder => fs::create_dir(&path),
@@ -65,7 +65,7 @@ impl Tree {
         self.folder.path().join(name)
     }
 
-    /// One of 14 places, up to three levels deep.
+    /// One of 14 paths, up to three levels deep.
     fn place(&self, number: usize) -> PathBuf {
         let names = [
             "a", "b", "a/a", "a/b", "b/a", "b/b", "a/a/a", "a/a/b", "a/b/a", "a/b/b", "b/a/a", "b/a/b",
@@ -90,8 +90,7 @@ impl Tree {
 }
 
 proptest! {
-    /// Links above the top are the user's. Below it, no link is followed, and only regular files are
-    /// accepted.
+    /// Links above the top folder belong to the user. Below it, no link is followed, and only regular files are accepted.
     #[test]
     fn nothing_outside_a_top_is_read_or_written(
         things in prop::collection::vec((0..13_usize, thing()), 1..14),
@@ -121,7 +120,7 @@ proptest! {
         }
     }
 
-    /// The code for systems without folder descriptors decides like the code for Linux and macOS.
+    /// The code for systems without folder descriptors makes the same decisions as the code for Linux and macOS.
     #[test]
     fn all_systems_decide_alike(things in prop::collection::vec((0..13_usize, thing()), 1..14), place in 0..13_usize) {
         macro_rules! decide {
@@ -136,7 +135,7 @@ proptest! {
                 folder
                     .and_then(|folder| {
                         let kind = folder.kind(name, false);
-                        // `Spot` opens no pipe.
+                        // `Spot` never opens a pipe.
                         let is_open = !matches!(kind, Ok(FileKind::Other)) && folder.open_file(name, $access, false).is_ok();
                         Ok((kind.map_err(|error| error.kind()), is_open))
                     })
@@ -146,7 +145,7 @@ proptest! {
         for access in [Access::Read, Access::Change, Access::Make, Access::New] {
             let trees = [Tree::new(&things)?, Tree::new(&things)?];
             let found = [decide!(unix, trees[0], access), decide!(any_system, trees[1], access)];
-            // Only a link in the last place differs: it is opened, and then refused because it is a link.
+            // The two may differ only if the last part is a link: one of them opens the link, and then refuses it because it is a link.
             if !matches!(found[0], Ok((Ok(FileKind::Link), _))) {
                 prop_assert_eq!(&found[0], &found[1], "{:?}", trees[0].place(place));
             }
@@ -173,7 +172,7 @@ fn only_the_user_and_root_are_no_strangers() {
         let users = [0, 1000, 1001, 65534];
         let [user, owner] = [0; 2].map(|_| users[random.random_range(0..users.len())]);
         let mode = random.random_range(0..0o10000);
-        // The owner can change the mode, and thereby the file. The mode's bits say whether others can.
+        // The owner can change the mode, and thereby the file. For all other users, the bits of the mode decide.
         let may_write = |who: u32| who == owner || mode & 0o020 != 0 || mode & 0o002 != 0;
         let is_safe = users.into_iter().filter(|who| ![0, user].contains(who)).all(|who| !may_write(who));
         assert_eq!(stranger_of(user, (owner, mode)).is_none(), is_safe, "{user} {owner} {mode:o}");

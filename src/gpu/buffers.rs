@@ -1,4 +1,4 @@
-//! Storage buffers, the storage textures that replace them where loads from buffers are slow, and the results that the host reads back.
+//! Storage buffers; storage textures, which replace them if loads from buffers are slow; and results that the host reads back.
 
 use std::sync::mpsc::Receiver;
 
@@ -8,16 +8,16 @@ use wgpu::util::DeviceExt;
 use super::Gpu;
 use crate::error::{Error, Result};
 
-/// Bytes of one piece that [`Gpu::storage`] uploads; two pieces are in flight at a time.
+/// The size in bytes of the pieces that [`Gpu::storage`] uploads. Two pieces are in flight at a time.
 const PIECE: usize = 32 << 20;
 
-/// Texels in a row of a data texture. Shaders split an index into column and row by this number.
+/// The number of texels in a row of a data texture. Shaders use it to split an index into column and row.
 pub(crate) const TEXTURE_WIDTH: u32 = 4096;
 
 impl Gpu {
-    /// A read-only storage buffer with `data`. The data is uploaded piece by piece, so that pieces in flight need little memory. An
-    /// empty slice becomes one element of zeros, because a binding may not be empty.
-    /// Fails with [`Error::Device`] if the device has too little memory.
+    /// A read-only storage buffer with `data`, which is uploaded piece by piece, so that uploads in flight need little memory. An empty
+    /// slice becomes one element of zeros, because a binding must not be empty. Fails with [`Error::Device`] if the device has too little
+    /// memory.
     pub(crate) fn storage<T: bytemuck::Pod>(&self, label: &str, data: &[T]) -> Result<wgpu::Buffer> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let size = bytes.len().max(size_of::<T>()) as u64;
@@ -56,7 +56,7 @@ impl Gpu {
         u64::from(self.device.limits().max_texture_dimension_2d) * u64::from(TEXTURE_WIDTH) * 16
     }
 
-    /// The same as [`Gpu::texel_array`], with rows of `width` texels.
+    /// Works like [`Gpu::texel_array`], with rows of `width` texels.
     pub(crate) fn texel_rows(
         &self,
         label: &str,
@@ -113,11 +113,11 @@ impl Gpu {
     }
 }
 
-/// The buffer of a kernel's results, with a staging buffer where the host cannot read the first one. Clones share them.
+/// The buffer of a kernel's results, with a staging buffer if the host cannot read the first buffer. Clones share the buffers.
 #[derive(Clone)]
 pub(crate) struct Results {
     pub(crate) buffer: wgpu::Buffer,
-    /// The staging buffer; `None` where the host reads results in place (see [`Gpu::shares_memory`]).
+    /// The staging buffer; `None` if the host reads results in place (see [`Gpu::shares_memory`]).
     readback: Option<wgpu::Buffer>,
 }
 
@@ -138,7 +138,7 @@ impl Results {
         })
     }
 
-    /// Submits `encoder`, followed by a copy of the first `bytes` to the staging buffer, if there is one. Call it within [`Gpu::guarded`].
+    /// Submits `encoder`. If there is a staging buffer, a copy of the first `bytes` to it follows. Call it within [`Gpu::guarded`].
     pub(crate) fn submit(
         &self,
         gpu: &Gpu,
@@ -149,24 +149,24 @@ impl Results {
         gpu.queue.submit([encoder.finish()])
     }
 
-    /// Records a copy of the first `bytes` to the staging buffer, if there is one.
+    /// Records a copy of the first `bytes` of the results to the staging buffer, if there is one.
     pub(crate) fn copy(&self, encoder: &mut wgpu::CommandEncoder, bytes: u64) {
         if let Some(readback) = &self.readback {
             encoder.copy_buffer_to_buffer(&self.buffer, 0, readback, 0, bytes);
         }
     }
 
-    /// Requests the first `bytes` in their state after `submission`.
+    /// Requests the first `bytes` as they are after `submission`.
     pub(crate) fn request(&self, bytes: u64, submission: wgpu::SubmissionIndex) -> Readback {
         let (sender, mapped) = std::sync::mpsc::channel();
         self.readable().map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
-            // After an interruption, the receiver no longer exists.
+            // The receiver no longer exists after an interruption.
             let _ = sender.send(outcome);
         });
         Readback { submission, mapped, bytes }
     }
 
-    /// Waits for requested results. Drop the view and call [`Results::release`] before the device writes to the buffer again.
+    /// Waits for requested results. Before the device writes to the buffer again, drop the view and call [`Results::release`].
     pub(crate) fn wait(&self, gpu: &Gpu, request: Readback) -> Result<wgpu::BufferView> {
         gpu.wait(Some(request.submission))?;
         let lost =

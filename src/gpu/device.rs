@@ -1,4 +1,4 @@
-//! The choice of an adapter, the device that is opened on it, and the kernels that it has compiled.
+//! The choice of an adapter, the device that is opened on it, and the kernels that the device has compiled.
 
 use std::sync::{Arc, OnceLock};
 
@@ -11,15 +11,15 @@ const OUT_OF_MEMORY: &str = "use a smaller --size, fewer --spp, a simpler scene 
 
 const LOST: &str = "run it again: the driver has reset the device, or its memory is used up. With --resume a run goes on, and no photo of its journal is taken again. If it happens again, use a smaller --size or another --adapter";
 
-/// The kind of an adapter that is the processor itself.
+/// The value of [`AdapterSummary::kind`] for an adapter that is the processor itself.
 const SOFTWARE: &str = "software";
 
-/// The share of the memory granted by a GPU's driver that this process may use, in per cent. An allocation
-/// beyond it fails as out of memory, before the driver starts to evict data.
+/// The share of the memory granted by a GPU's driver that this process may use, in per cent. Larger allocations fail as out of memory,
+/// before the driver starts to evict data.
 const MEMORY_SHARE: u8 = 80;
 
-/// The most address space, in bytes, that a graphics driver reserves for a small scene. Software Vulkan worked with 600 MiB and failed with
-/// 400 MiB.
+/// The maximum address space, in bytes, that a graphics driver reserves for a small scene. 600 MiB were enough for software Vulkan, and 400
+/// MiB were not.
 const ADDRESS_SPACE: u64 = 1 << 30;
 
 /// Name, driver and limits of an adapter.
@@ -72,26 +72,26 @@ impl AdapterSummary {
     }
 }
 
-/// An open device with its queue. Clones share both.
+/// An open device with its queue. Clones share device and queue.
 #[derive(Clone)]
 pub(crate) struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     pub(crate) summary: AdapterSummary,
-    /// Whether the device is the processor itself, so that the host reads results in place. (A GPU that shares its memory with the host
-    /// could also do so; whether that is faster was not measured.)
+    /// Whether the device is the processor itself, so that the host reads results in place. (A host could also read in place from a GPU
+    /// that shares its memory; it was not measured whether this is faster.)
     pub(crate) shares_memory: bool,
     pub(crate) compiled: Option<Compiled>,
-    /// The driver's reason, once the device was lost or has failed outside of [`Gpu::guarded`].
+    /// The driver's reason, if the device was lost or failed outside of [`Gpu::guarded`].
     pub(crate) failure: Arc<OnceLock<String>>,
 }
 
 impl Gpu {
-    /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, one of the fastest kind. `turn` selects one of several
-    /// equal ones.
+    /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, an adapter of the fastest kind. `turn` selects one of
+    /// several equal adapters.
     pub(crate) fn open(wanted: Option<&str>, turn: usize) -> Result<Self> {
         let adapter = choose(wanted, turn, None)?;
-        // Software Vulkan uses the memory of the machine, which other programs share, so the operating system sets the limit.
+        // Software Vulkan uses the machine's memory, which it shares with other programs, so only the operating system limits it.
         if AdapterSummary::of(&adapter).is_processor() {
             return Self::on(&adapter);
         }
@@ -105,7 +105,7 @@ impl Gpu {
             max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
             max_buffer_size: available.max_buffer_size,
             max_texture_dimension_2d: available.max_texture_dimension_2d,
-            // Geometry, textures, light buffer and photons are storage textures: seven in the largest kernel. Desktop drivers allow eight.
+            // Geometry, textures, light buffer and photons are storage textures. The largest kernel has seven. Desktop drivers allow eight.
             max_storage_textures_per_shader_stage: available.max_storage_textures_per_shader_stage.min(8),
             ..wgpu::Limits::default()
         };
@@ -127,7 +127,7 @@ impl Gpu {
                  processes (`ulimit -u`) or of address space (`ulimit -v`) may be too small for it",
             )
         })?;
-        // Without these two callbacks, wgpu reports no loss to krylux, and ends the process at an error that has no scope.
+        // Without these callbacks, wgpu would not report a lost device to krylux, and an error outside of a scope would end the process.
         let failure = Arc::new(OnceLock::new());
         let (lost, failed) = (Arc::clone(&failure), Arc::clone(&failure));
         device.set_device_lost_callback(move |_, reason| drop(lost.set(reason)));
@@ -135,7 +135,7 @@ impl Gpu {
         Ok(Self { device, queue, summary, shares_memory, compiled: None, failure })
     }
 
-    /// Compiles kernels from now on with the help of `data`, which an earlier process got from [`Gpu::compiled`] for this device.
+    /// Compiles kernels from now on with the help of `data`, the bytes that an earlier process got from [`Gpu::compiled`] for this device.
     pub(crate) fn restore_compiled(&mut self, data: Option<&[u8]>) {
         self.compiled = Compiled::restore(&self.device, data);
     }
@@ -144,14 +144,14 @@ impl Gpu {
         self.compiled.as_ref().map(Compiled::cache)
     }
 
-    /// Runs `work`. A failure, a lack of memory or the loss of the device becomes an error instead of a panic.
+    /// Runs `work`. A failure, a lack of memory, or the loss of the device becomes an error instead of a panic.
     pub(crate) fn guarded<T>(&self, what: &str, work: impl FnOnce() -> T) -> Result<T> {
         use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
         let scopes = [Internal, OutOfMemory, Validation].map(|filter| self.device.push_error_scope(filter));
         let result = work();
         let popped = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop()));
         let faults: Vec<wgpu::Error> = popped.flatten().collect();
-        // A lost device and a lack of memory also make the requested object invalid.
+        // If the device is lost or memory is lacking, the requested object is invalid, too.
         self.require_working()?;
         let short = faults.iter().any(|fault| matches!(fault, wgpu::Error::OutOfMemory { .. }));
         match faults.first() {
@@ -165,7 +165,7 @@ impl Gpu {
         }
     }
 
-    /// Waits until `submission` is done; for `None`, until all submissions are done.
+    /// Waits until `submission` is done. For `None`, waits until all submissions are done.
     pub(crate) fn wait(&self, submission: Option<wgpu::SubmissionIndex>) -> Result<()> {
         let until = wgpu::PollType::Wait { submission_index: submission, timeout: None };
         // wgpu panics if the driver reports here that the device is lost.
@@ -188,7 +188,7 @@ impl Gpu {
     }
 }
 
-/// All adapters of this machine. The list may be empty. Fails with [`Error::Device`] if this process may use too little address space.
+/// All adapters of this machine. The list may be empty. Fails with [`Error::Device`] if this process has too little address space.
 pub(crate) fn adapters() -> Result<Vec<AdapterSummary>> {
     Ok(enumerate(None)?.iter().map(AdapterSummary::of).collect())
 }
@@ -219,7 +219,8 @@ fn enumerate(share: Option<u8>) -> Result<Vec<wgpu::Adapter>> {
     Ok(adapters)
 }
 
-/// Checks that `ulimit -v` leaves a graphics driver the address space that it reserves. Otherwise it may end the process without a message.
+/// Checks that `ulimit -v` leaves a graphics driver enough address space. With too little, the driver may end the process without a
+/// message.
 fn require_address_space(limit: Option<u64>) -> Result<()> {
     match limit {
         Some(limit) if limit < ADDRESS_SPACE => Err(Error::device(format!(
@@ -234,7 +235,8 @@ fn require_address_space(limit: Option<u64>) -> Result<()> {
     }
 }
 
-/// The adapter whose name contains `wanted`; for `None`, the first one. Among several with its name, `turn` selects one cyclically.
+/// The adapter whose name contains `wanted`; for `None`, the first adapter. If several adapters have the same name, `turn` selects one
+/// cyclically.
 fn choose(wanted: Option<&str>, turn: usize, share: Option<u8>) -> Result<wgpu::Adapter> {
     let adapters = enumerate(share)?;
     if adapters.is_empty() {
@@ -255,21 +257,21 @@ fn place(names: &[String], wanted: Option<&str>, turn: usize) -> Option<usize> {
     Some(equal[turn % equal.len()])
 }
 
-/// The kernels that a device has compiled, as bytes if the driver gives them out. A later process on an equal device need not compile them.
-/// Clones share them.
+/// The kernels that a device has compiled, as bytes if the driver returns them. A later process on an equal device need not compile them
+/// again. Clones share the kernels.
 ///
-/// Most drivers keep compiled kernels on disk themselves. Software Vulkan and drivers without an application's cache give nothing out.
+/// Most drivers keep compiled kernels on disk themselves. Software Vulkan, and drivers without a cache for applications, return nothing.
 #[derive(Clone)]
 pub(crate) struct Compiled {
     cache: wgpu::PipelineCache,
-    /// Bytes of a store without kernels. A driver that never gives out more has nothing to keep.
+    /// The number of bytes of a store without kernels. If the driver never returns more, there is nothing to keep.
     empty: usize,
-    /// Hash of the restored kernels, so that only new ones are kept.
+    /// The hash of the restored kernels. If the hash has not changed, there are no new kernels to keep.
     restored: Option<blake3::Hash>,
 }
 
 impl Compiled {
-    /// A store on this device, with the kernels in `data` if they come from an equal device and driver. `None` if the driver has no such
+    /// A store on this device, with the kernels in `data` if an equal device and driver compiled them. `None` if the driver has no such
     /// store.
     ///
     /// `data` must come from [`Compiled::data`], because the driver may trust it without checks.
@@ -286,7 +288,7 @@ impl Compiled {
         &self.cache
     }
 
-    /// All kernels so far as bytes; `None` if nothing but restored kernels could be kept.
+    /// All kernels so far as bytes; `None` if there are no kernels beside the restored ones.
     pub(crate) fn data(&self) -> Option<Vec<u8>> {
         let data = self.cache.get_data()?;
         (data.len() > self.empty && Some(blake3::hash(&data)) != self.restored).then_some(data)

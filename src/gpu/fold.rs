@@ -1,8 +1,7 @@
-//! Constant folding of shaders removes branches that the constants rule out, and all code used only there.
+//! Constant folding of shaders. It removes branches that are never taken, because of constants, and all code that only these branches use.
 //!
-//! Drivers do the same, but only after they have translated the whole shader. For a scene of plain surfaces,
-//! this took the software Vulkan driver 0.12 s, even with compiled kernels in its cache. After folding, it
-//! takes 0.03 s.
+//! Drivers also fold constants, but only after they have translated the whole shader. For a scene of plain surfaces, this took the software
+//! Vulkan driver 0.12 s, even with compiled kernels in its cache. With folding here, it takes 0.03 s.
 
 use std::collections::HashMap;
 
@@ -14,10 +13,10 @@ use naga::{
 
 type Returns = HashMap<Handle<Function>, Literal>;
 
-/// Removes all code that `module` cannot execute. The module must be valid, and computes the same afterwards.
+/// Removes all code that `module` cannot execute. The module must be valid. Its results do not change.
 pub(super) fn fold(module: &mut Module) {
     let mut returns = Returns::new();
-    // In a valid module, a function comes after the functions that it calls.
+    // In a valid module, functions come after the functions that they call.
     let handles: Vec<_> = module.functions.iter().map(|(handle, _)| handle).collect();
     for handle in handles {
         let mut function = std::mem::take(&mut module.functions[handle]);
@@ -36,7 +35,7 @@ pub(super) fn fold(module: &mut Module) {
 }
 
 fn fold_function(module: &Module, returns: &Returns, function: &mut Function) {
-    // Named expressions only help a reader, and would keep unused expressions alive.
+    // Named expressions only help readers, and would prevent the removal of unused expressions.
     function.named_expressions.clear();
     loop {
         let mut body = std::mem::take(&mut function.body);
@@ -49,7 +48,7 @@ fn fold_function(module: &Module, returns: &Returns, function: &mut Function) {
     }
 }
 
-/// The constant that a function returns, if its first statement besides stores is a return of a constant.
+/// The constant that a function returns, if its first statement apart from stores returns a constant.
 fn returned(module: &Module, returns: &Returns, function: &Function) -> Option<Literal> {
     let goes_on = |statement: &&Statement| matches!(statement, Statement::Emit(_) | Statement::Store { .. });
     let Some(Statement::Return { value: Some(value) }) = function.body.iter().find(|s| !goes_on(s)) else {
@@ -58,7 +57,7 @@ fn returned(module: &Module, returns: &Returns, function: &Function) -> Option<L
     Known { module, returns, function, locals: HashMap::new() }.with_locals(&function.body).value(*value)
 }
 
-/// Replaces each `if` whose condition is known by the branch that is taken. Returns whether there was one.
+/// Replaces each `if` whose condition is known by the branch that is taken. Returns whether any was replaced.
 fn fold_block(known: &Known<'_>, block: &mut Block) -> bool {
     let mut changed = false;
     let mut folded = Block::with_capacity(block.len());
@@ -96,7 +95,7 @@ fn fold_block(known: &Known<'_>, block: &mut Block) -> bool {
     changed
 }
 
-/// Whether no statement may follow this one in its block.
+/// Whether no statement may follow this statement in its block.
 fn is_end(statement: &Statement) -> bool {
     matches!(statement, Statement::Return { .. } | Statement::Break | Statement::Continue | Statement::Kill)
 }
@@ -105,13 +104,13 @@ struct Known<'a> {
     module: &'a Module,
     returns: &'a Returns,
     function: &'a Function,
-    /// The only stored value of each variable that holds a `&&` or `||`; `None` if there are several.
+    /// The only stored value of each variable that the parser made for `&&` or `||`; `None` if several values are stored.
     locals: HashMap<Handle<LocalVariable>, Option<Handle<Expression>>>,
 }
 
 impl Known<'_> {
-    /// Adds the variables of `&&` and `||`. The parser turns `a && b` into an unnamed variable. Either branch
-    /// of `if a` stores to it once before it is read. If only one store is left, its value is the variable's.
+    /// Adds the variables of `&&` and `||`. The parser turns `a && b` into an unnamed variable and an `if a`. Each branch stores to the
+    /// variable once, before the variable is read. If only one store is left after folding, its value is the variable's value.
     fn with_locals(mut self, body: &Block) -> Self {
         let function = self.function;
         stores(body, &mut |pointer, value| {

@@ -1,4 +1,4 @@
-//! The graphics device: it is opened here, shaders are composed for it, and data is moved to and from it.
+//! The graphics device. This module opens it, composes shaders for it, and moves data to and from it.
 //! Only [`crate::render`] and the GPU matrix of [`crate::transport`] use these types.
 
 pub(crate) mod buffers;
@@ -10,7 +10,7 @@ pub mod shader;
 pub use device::AdapterSummary;
 pub(crate) use device::Gpu;
 
-/// Assertions for tests: shaders and host agree on the layout of structures and on constants.
+/// Assertions for tests that shaders and host agree on the layouts of structures and on constants.
 #[cfg(test)]
 pub(crate) mod layout {
     /// Asserts that the WGSL struct `name` of shader `shader` has exactly these members, offsets and size.

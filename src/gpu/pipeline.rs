@@ -1,4 +1,4 @@
-//! Compute pipelines and the buffers and textures that are bound to them. All calls belong within [`Gpu::guarded`].
+//! Compute pipelines, and the buffers and textures that are bound to them. All functions must be called within [`Gpu::guarded`].
 
 use wgpu::{BindGroupLayoutEntry, BindingType, BufferBindingType, ShaderStages};
 
@@ -51,7 +51,7 @@ impl Gpu {
         self.device.create_bind_group(&descriptor)
     }
 
-    /// Compiles these entry points of a shader, whose bind groups have these layouts.
+    /// Compiles these entry points of a shader. `layouts` are the layouts of its bind groups.
     pub(crate) fn pipelines<const N: usize>(
         &self,
         label: &str,

@@ -1,4 +1,4 @@
-//! WGSL sources and their composition: `#import NAME` inserts `shaders/shared/NAME.wgsl`, once per shader.
+//! WGSL sources, and their composition: `#import NAME` inserts `shaders/shared/NAME.wgsl`, once per shader.
 //!
 //! With `KRYLUX_DUMP_WGSL=DIR` in the environment, every composed shader is also written to `DIR/NAME.wgsl`.
 
@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 
 macro_rules! shaders {
     ($($folder:literal / $name:literal),* $(,)?) => {
-        /// Every shader source by name: entry points (`trace_paths`) and shared parts (`shared/bsdf`).
+        /// Every shader source by name: sources with entry points (`trace_paths`), and shared sources (`shared/bsdf`).
         pub const SOURCES: &[(&str, &str)] = &[
             $((
                 if $folder.is_empty() { $name } else { concat!($folder, "/", $name) },
@@ -53,24 +53,23 @@ shaders! {
     "shared" / "warp",
 }
 
-/// The complete WGSL of the entry point `name`, with its imports resolved. Fails with [`Error::Device`],
-/// which names the shader, if it or one of its imports does not exist or is not valid.
+/// The complete WGSL of the entry point `name`, with its imports resolved. If it or an import is missing or invalid, the call fails with
+/// [`Error::Device`], which names the shader.
 pub fn compose(name: &str) -> Result<String> {
     let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;
     compose_source(name, source)
 }
 
-/// The same as [`compose`], errors included, for WGSL outside [`SOURCES`], for example a single function.
+/// Works like [`compose`], errors included, for WGSL that is not in [`SOURCES`], for example a single function.
 pub fn compose_source(name: &str, source: &str) -> Result<String> {
     let text = assemble(name, source)?;
     validate(name, &text)?;
     Ok(text)
 }
 
-/// The entry point `name` with these values for its overrides, without the code that they rule out. Values
-/// without an override are ignored. The module is not validated here, but by wgpu when it makes a kernel.
-/// Fails with [`Error::Device`], which names the shader, if it or an import does not exist or cannot be
-/// parsed, or an override lacks a value.
+/// The entry point `name`, with these values for its overrides, and without the code that the values make unreachable. A value without an
+/// override is ignored. The module is not validated here; wgpu validates it when it creates a kernel. If the source or an import is missing
+/// or cannot be parsed, or if an override has no value, the call fails with [`Error::Device`], which names the shader.
 pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Module> {
     let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;
     let text = with_constants(name, &assemble(name, source)?, constants)?;
@@ -79,8 +78,8 @@ pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Modu
     Ok(module)
 }
 
-/// `text` with its overrides replaced by constants. Each override has its own line. Constants in the text
-/// avoid the second pass over the module that overrides would need.
+/// Replaces the overrides in `text` by constants. Each override has a line of its own. With constants in the text, naga does not need the
+/// second pass over the module that overrides would need.
 fn with_constants(name: &str, text: &str, constants: &[(&str, f64)]) -> Result<String> {
     let mut out = String::with_capacity(text.len());
     for line in text.lines() {
@@ -103,7 +102,7 @@ fn with_constants(name: &str, text: &str, constants: &[(&str, f64)]) -> Result<S
     Ok(out)
 }
 
-/// The text of a shader with its imports resolved. It is also dumped if the environment asks for that.
+/// The text of a shader with its imports resolved. It is also written to a file if `KRYLUX_DUMP_WGSL` is set.
 fn assemble(name: &str, source: &str) -> Result<String> {
     let mut text = String::new();
     append(name, source, &mut Vec::new(), &mut text)?;
@@ -118,7 +117,7 @@ fn lookup(name: &str) -> Option<&'static str> {
     SOURCES.iter().find(|(known, _)| *known == name).map(|(_, source)| *source)
 }
 
-/// Appends `source` to `text`, with each import that is not in `done` before the line that follows it.
+/// Appends `source` to `text`. Each import that is not in `done` is inserted in place of its `#import` line.
 fn append(name: &str, source: &str, done: &mut Vec<String>, text: &mut String) -> Result<()> {
     for line in source.lines() {
         let Some(import) = line.strip_prefix("#import ") else {
@@ -137,7 +136,7 @@ fn append(name: &str, source: &str, done: &mut Vec<String>, text: &mut String) -
     Ok(())
 }
 
-/// Parses and validates a shader with naga, so that an error names the line before a driver sees the shader.
+/// Parses and validates a shader with naga, so that errors name the line, and drivers never see an invalid shader.
 fn validate(name: &str, text: &str) -> Result<naga::Module> {
     let module = parse(name, text)?;
     validated(text, &module).map_err(|what| fault(name, &what))?;
@@ -155,8 +154,7 @@ fn parse(name: &str, text: &str) -> Result<naga::Module> {
     naga::front::wgsl::parse_str(text).map_err(|e| fault(name, &e.emit_to_string(text)))
 }
 
-/// The composed shader `name` as a naga module, to compare its layouts with the host's. Fails as [`compose`]
-/// does.
+/// The composed shader `name` as a naga module, for comparing its layouts with those of the host. Fails like [`compose`].
 pub fn module(name: &str) -> Result<naga::Module> {
     validate(name, &compose(name)?)
 }
@@ -176,7 +174,7 @@ mod tests {
         }
     }
 
-    /// Values for all overrides of `trace_paths`: 1 for those in `on`, 0 for the others.
+    /// Values for all overrides of `trace_paths`: 1 for the overrides in `on`, and 0 for all others.
     fn constants(on: &[&str]) -> Vec<(&'static str, f64)> {
         let names = lookup("shared/features")
             .unwrap_or_default()

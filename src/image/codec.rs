@@ -1,7 +1,7 @@
-//! Decoding of picture files.
+//! Decodes picture files.
 //!
-//! This module calls the decoders of PNG and JPEG directly: the PNG decoder keeps 16 bits, and the JPEG decoder accepts
-//! truncated files. The crate `image` decodes the formats that only textures use.
+//! This module calls the decoders of PNG and JPEG directly, because its PNG decoder keeps 16 bits, and its JPEG decoder accepts truncated
+//! files. The crate `image` decodes the formats that only textures use.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -36,7 +36,7 @@ enum Samples {
 }
 
 impl Format {
-    /// The format of a file, recognized by its first bytes.
+    /// The format of a file, recognized by the first bytes of the file.
     pub(crate) fn of(bytes: &[u8]) -> Option<Self> {
         if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
             Some(Self::Png)
@@ -45,7 +45,7 @@ impl Format {
         } else if bytes.starts_with(b"GIF8") {
             Some(Self::Other(ImageFormat::Gif))
         } else if bytes.starts_with(b"BM") && bytes.get(6..10) == Some(&[0; 4]) {
-            // The two letters alone do not suffice, so the four reserved bytes must be zero, too.
+            // The two letters alone are not sufficient, so the four reserved bytes must also be zero.
             Some(Self::Other(ImageFormat::Bmp))
         } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
             Some(Self::Other(ImageFormat::WebP))
@@ -54,7 +54,7 @@ impl Format {
         }
     }
 
-    /// The format of a file that its first bytes do not identify: TGA, recognized by the file's name.
+    /// The format of a file whose first bytes do not identify it: TGA, recognized by the name of the file.
     pub(crate) fn of_name(name: &Path) -> Option<Self> {
         let is_tga = name.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("tga"));
         is_tga.then_some(Self::Other(ImageFormat::Tga))
@@ -75,7 +75,7 @@ impl Format {
         }
     }
 
-    /// Decodes the picture. A header that states more than `max_bytes` bytes of pixels is refused before the allocation.
+    /// Decodes the picture. If a header states more than `max_bytes` bytes of pixels, the file is refused before memory is allocated.
     pub(crate) fn decode(self, bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
         match self {
             Self::Png => decode_png(bytes, max_bytes),
@@ -127,7 +127,7 @@ fn decode_png(bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), png::Limits { bytes: max_bytes });
     // Palettes, transparent colours and samples of fewer than 8 bits are expanded to 8-bit samples.
     decoder.set_transformations(Transformations::EXPAND);
-    // Text and colour profiles are not used, and a hostile file may have very large ones.
+    // Text and colour profiles are not used. In a malicious file, they may be very large.
     decoder.set_ignore_text_chunk(true);
     decoder.set_ignore_iccp_chunk(true);
     let mut reader = decoder.read_info().map_err(message)?;
@@ -156,7 +156,7 @@ fn decode_jpeg(bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     let (width, height) = jpeg_size(&header)?;
     let gray = header.input_colorspace() == Some(ColorSpace::Luma);
     let (color, channels) = if gray { (ColorSpace::Luma, 1) } else { (ColorSpace::RGB, 3) };
-    // A JPEG file has at most 65,535 pixels a side, so this product cannot overflow.
+    // A side of a JPEG file has at most 65,535 pixels, so this product cannot overflow.
     if width as usize * height as usize * channels > max_bytes {
         return Err("the picture is too large".into());
     }
@@ -190,7 +190,7 @@ fn jpeg_size(header: &JpegDecoder<ZCursor<&[u8]>>) -> Result<(u32, u32), String>
 }
 
 fn open_jpeg(bytes: &[u8], color: ColorSpace) -> Result<JpegDecoder<ZCursor<&[u8]>>, String> {
-    // The format bounds the sides, and the callers bound the memory. A truncated file is decoded up to the cut, as in viewers.
+    // The format limits the sides, and the callers limit the memory. A truncated file is decoded as far as possible, as in viewers.
     let options = DecoderOptions::default()
         .jpeg_set_out_colorspace(color)
         .set_strict_mode(false)
@@ -267,7 +267,7 @@ mod tests {
 
     #[test]
     fn textures_in_other_formats_are_decoded() {
-        // GIF has a palette, with one transparent colour at most.
+        // GIF has a palette, with at most one transparent colour.
         let gif = [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [0, 0, 0, 0]];
         let other = [[1, 2, 3, 255], [40, 50, 60, 255], [255, 128, 0, 255], [9, 8, 7, 255]];
         for (format, name, texels) in [

@@ -1,7 +1,7 @@
-//! OpenEXR files: one part, 32-bit floats with ZIP compression. Channel names have the layer as a prefix (`photo.R`,
+//! OpenEXR files with one part, 32-bit floats and ZIP compression. Channel names have the name of the layer as a prefix (`photo.R`,
 //! `photo.Y`).
 //!
-//! Half floats are never written: their 11 significant bits would add noise to Krylov vectors.
+//! Half floats are never written. They have 11 significant bits, and their rounding would add noise to Krylov vectors.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -17,25 +17,25 @@ use crate::file;
 use crate::image::{Image, Resolution};
 use crate::machine;
 
-/// The largest number of samples in a file, over all channels: 8192² pixels in four channels.
+/// The maximum number of samples in a file, over all channels: 8192² pixels in four channels.
 const MAX_SAMPLES: usize = 1 << 28;
 
-/// Bytes of memory for each sample while a file is decoded: in the decoder, in a plane, and in the image.
+/// The bytes of memory for each sample while a file is decoded: in the decoder, in a plane, and in the image.
 const BYTES_OF_SAMPLE: usize = 12;
 
-/// Writes images of one size as the layers of one file: RGB as `NAME.R`, `NAME.G`, `NAME.B`, luma as `NAME.Y`. With
-/// an empty name the channels are called `R`, `G`, `B` or `Y`, which every viewer shows by default.
+/// Writes images of one size as the layers of one file. The channels of an RGB image are `NAME.R`, `NAME.G` and `NAME.B`, and a luma image
+/// has `NAME.Y`. If the name is empty, the channels are `R`, `G`, `B` or `Y`, which every viewer shows by default.
 ///
 /// # Errors
-/// [`Error::Dimension`] when there is no layer or no pixel, when the sizes differ, or when a name is used twice or
-/// is not ASCII; [`Error::Write`].
+/// [`Error::Dimension`] if there is no layer or no pixel, if the sizes differ, or if a name is used twice or is not ASCII;
+/// [`Error::Write`].
 pub fn write_exr(path: &Path, layers: &[(&str, &Image)]) -> Result<()> {
     let bytes = encode(layers)?;
     let written = bytes.map_err(|error| Error::writing(path)(std::io::Error::other(error)))?;
     atomic::write_bytes(path, &written)
 }
 
-/// The bytes of a file with these layers. The outer error is about the layers, the inner error about the encoder.
+/// The bytes of a file with these layers. The outer error concerns the layers, and the inner error the encoder.
 fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::exr::error::Error>> {
     let Some(resolution) = layers.first().map(|(_, image)| image.resolution()).filter(|r| r.pixels() > 0)
     else {
@@ -72,14 +72,14 @@ fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::ex
     Ok(picture.write().to_buffered(&mut file).map(|()| file.into_inner()))
 }
 
-/// Reads one layer: RGB if it has the channels `R`, `G` and `B`, otherwise luma from `Y`. Half floats and integers
+/// Reads one layer. It is RGB if it has the channels `R`, `G` and `B`, and luma from the channel `Y` otherwise. Half floats and integers
 /// are converted to `f32`.
 ///
-/// `layer` is the prefix of the channel names, or the name of a part. Without it, the channels without a prefix are
-/// read, or the only layer in the file.
+/// `layer` is the prefix of the channel names, or the name of a part. If it is `None`, the channels without a prefix are read, or the only
+/// layer in the file.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is malformed or has no such layer. The message lists the layers.
+/// [`Error::Read`]; [`Error::Data`] if the file is malformed or has no such layer. The message lists the layers.
 pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
     let bytes = file::read(path)?;
     let unusable = |fault| unusable(path, fault);
@@ -100,7 +100,7 @@ pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
     Ok(found.swap_remove(chosen).1)
 }
 
-/// The sizes of the layers, as the file states them. Nothing is decoded.
+/// The sizes of the layers, as stated in the file. No pixels are decoded.
 pub(super) fn sizes(path: &Path) -> Result<Vec<Resolution>> {
     let bytes = file::read(path)?;
     let header = || MetaData::read_from_buffered(bytes.as_slice(), false).map_err(|error| error.to_string());
@@ -114,11 +114,11 @@ fn unusable(path: &Path, fault: String) -> Error {
 }
 
 fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
-    // The decoders of the crate `exr` may panic. That is safe to catch here: the closure owns everything that it modifies.
+    // The decoders of the crate `exr` may panic. Catching a panic is safe here, because the closure owns everything that it modifies.
     machine::unless_panics(|| decode_unguarded(bytes)).unwrap_or_else(|| Err("it is malformed".into()))
 }
 
-/// Like [`decode`], but a damaged file may cause a panic.
+/// Works like [`decode`], but a damaged file may cause a panic.
 fn decode_unguarded(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
     let meta = MetaData::read_from_buffered(bytes, false).map_err(|error| error.to_string())?;
     let samples = meta.headers.iter().try_fold(0_usize, |sum, header| {

@@ -1,4 +1,4 @@
-//! The manifest `run.json`: the record of how a run's results were computed, written at the start and at the end.
+//! The manifest `run.json`, which records how the results of a run were computed. It is written at the start and at the end of a run.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -17,19 +17,19 @@ use crate::finding::{Finding, Grade};
 /// The version of the manifest's format.
 pub const FORMAT: u32 = 1;
 
-/// Everything that a run depended on, and its outcome. Fields that do not apply are absent.
+/// Everything on which a run depended, and its outcome. Fields that do not apply are absent.
 ///
-/// `R` is the record of a run on a rig: [`RigRecord`](crate::measure::RigRecord).
+/// `R` is the record of a run on a rig, [`RigRecord`](crate::measure::RigRecord).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "R: Serialize + DeserializeOwned")]
 pub struct Manifest<R> {
-    /// [`FORMAT`].
+    /// The version of the format, [`FORMAT`].
     pub krylux_format: u32,
     /// The program's version.
     pub version: String,
     /// The words of the command line.
     pub command: Vec<Name>,
-    /// The question: the fields of the verb's request with their values. Early records do not have it.
+    /// The fields of the verb's request with their values. Early records do not have them.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub request: Option<Value>,
     /// The state of the run.
@@ -38,7 +38,7 @@ pub struct Manifest<R> {
     pub message: String,
     /// The start time of the run, RFC 3339 in UTC.
     pub started: String,
-    /// The seed of the random numbers of the tracer and of starting vectors.
+    /// The seed of the random numbers for light paths and for starting vectors.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub seed: Option<u64>,
     /// The graphics adapter that traced the light paths.
@@ -53,7 +53,7 @@ pub struct Manifest<R> {
     /// The number of light paths per camera pixel.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub samples_per_pixel: Option<u32>,
-    /// The largest number of surface hits of a path.
+    /// The maximum number of surface hits of a path.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub max_bounces: Option<u32>,
     /// `luma` or `rgb`.
@@ -65,25 +65,25 @@ pub struct Manifest<R> {
     /// The backend that computed the products with the matrix.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub products: Option<ProductsOn>,
-    /// The cost of a run on a rig, and how its photos were taken.
+    /// The cost of a run on a rig, and the way in which its photos were taken.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub rig: Option<R>,
-    /// The difference between the answer and light that it was not computed from.
+    /// The comparison of the results with light from which they were not computed.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub verification: Option<Verification>,
-    /// Findings about the rig and the answer. They determine the colour of the page and the exit status.
+    /// Findings about the rig and the results. They determine the colour of the page and the exit status.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub findings: Vec<Finding>,
-    /// The photo budget of the method. A replay of the run with another analysis may use this number of photos.
+    /// The photo budget of the method. If the run is replayed with another analysis, that analysis may use this number of photos.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub photos_allowed: Option<usize>,
     /// The number of photos taken.
     pub photos: u64,
     /// The durations of the run's stages, in order.
     pub timings: Vec<Timing>,
-    /// The files written, relative to the run's folder.
+    /// The files that were written, relative to the run's folder.
     pub outputs: Vec<String>,
-    /// Folders inside the run's folder that hold the earlier runs which this run replaces. They are kept until this run is complete.
+    /// Folders inside the run's folder with the earlier runs that this run replaces. They are kept until this run is complete.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub replaces: Vec<String>,
 }
@@ -102,7 +102,7 @@ pub enum Status {
     Failed,
 }
 
-/// The backend of matrix products. The results of the two backends differ only by the rounding of sums.
+/// The backend of products with the matrix. The results of both backends differ only by the rounding of sums.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ProductsOn {
@@ -123,31 +123,31 @@ pub struct Noise {
     pub white: f64,
 }
 
-/// The comparison of an answer with light that it was not computed from.
+/// The comparison of results with light from which they were not computed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Verification {
-    /// The kind of independent light.
+    /// The kind of the independent light.
     pub by: Independent,
-    /// The photos that the answer predicts, such as `photos of the eigenvectors`.
+    /// What the results predict, such as `photos of the eigenvectors`.
     pub of: String,
-    /// The relative difference of the predicted photos to the independent photos, without the noise of the latter.
+    /// The relative difference between predicted and independent photos, without the noise of the independent photos.
     pub error: f64,
     /// The relative noise of the independent photos.
     pub noise: f64,
-    /// The verdict on the answer. Early records do not have it.
+    /// The verdict on the results. Early records do not have it.
     #[serde(default)]
     pub verdict: CheckVerdict,
-    /// The excess of the difference over what the noise of both photos and the stated residuals explain, in standard errors of the
-    /// difference. For several photos it is the largest value.
+    /// The excess of the difference over the difference that is explained by the noise of both photos and by the stated residuals, in
+    /// standard errors of the difference. For several photos, it is the largest excess.
     #[serde(default)]
     pub statistic: f64,
-    /// The probability of such a statistic if the answer is right.
+    /// The probability of such a statistic if the results are right.
     #[serde(default)]
     pub p_value: f64,
-    /// The relative error of the predicted photos at which the comparison would have refuted the answer in 99 of 100 cases.
+    /// The relative error of the predicted photos for which the comparison would refute the results in 99 of 100 cases.
     #[serde(default)]
     pub resolution: f64,
-    /// The likely cause of a refutation, if a number shows it.
+    /// The probable cause of a refutation, if a number indicates it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub cause: Option<String>,
 }
@@ -156,36 +156,36 @@ pub struct Verification {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CheckVerdict {
-    /// The answer is within its stated noise, and the comparison would have detected a wrong answer.
+    /// The results agree with the independent light within the stated noise, and the comparison would have detected wrong results.
     Passed,
-    /// The difference has a probability of less than 0.001 if the answer is right.
+    /// If the results were right, such a difference would have a probability of less than 0.001.
     Refuted,
-    /// The noise of the comparison hides whether the answer is right.
+    /// The noise of the comparison is too large to show whether the results are right.
     #[default]
     TooWeak,
 }
 
 impl Verification {
-    /// The probability below which an answer is refuted.
+    /// The probability below which results are refuted.
     pub const LEVEL: f64 = 1e-3;
 
-    /// The verdict for a probability and a resolution. A resolution of 1 or more is too weak: the comparison could not even
-    /// refute an answer that is unrelated to the light, whose photos have a relative error of 1.
+    /// The verdict for a p-value and a resolution. With a resolution of 1 or more, the comparison is too weak: it could not even refute
+    /// results that are unrelated to the light, whose photos have a relative error of 1.
     pub fn judged(p_value: f64, resolution: f64) -> CheckVerdict {
         match p_value {
-            // NaN refutes, too.
+            // NaN also refutes the results.
             p if p < Self::LEVEL || p.is_nan() => CheckVerdict::Refuted,
             _ if resolution < 1.0 => CheckVerdict::Passed,
             _ => CheckVerdict::TooWeak,
         }
     }
 
-    /// Whether the answer has passed.
+    /// Whether the results have passed.
     pub fn is_passed(&self) -> bool {
         self.verdict == CheckVerdict::Passed
     }
 
-    /// The verdict as a finding. An answer that the comparison does not confirm fails.
+    /// The verdict as a finding. The finding fails unless the comparison confirms the results.
     pub fn finding(&self) -> Finding {
         let grade = if self.is_passed() { Grade::Ok } else { Grade::Fails };
         let expected = format!("a chance of {} or more that a right answer is so far off", Self::LEVEL);
@@ -226,7 +226,7 @@ impl Verification {
     }
 }
 
-/// Light that an answer was not computed from.
+/// Light from which results were not computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Independent {
@@ -283,7 +283,7 @@ pub struct Timing {
 }
 
 impl<R: Serialize + DeserializeOwned> Manifest<R> {
-    /// The manifest of a run that starts now. `command` has the words of its command line.
+    /// The manifest of a run that starts now. `command` contains the words of the command line.
     pub fn new(command: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Self {
         Self {
             krylux_format: FORMAT,
@@ -313,12 +313,12 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
         }
     }
 
-    /// The command line in one line. Bytes that are not Unicode are replaced.
+    /// The words of the command line, joined into one line. Bytes that are not Unicode are replaced.
     pub fn command_line(&self) -> String {
         self.command.iter().map(Name::to_string).collect::<Vec<_>>().join(" ")
     }
 
-    /// The verb of the command line: the first word after the program that is not an option.
+    /// The verb of the command line. It is the first word after the program's name that is not an option.
     pub fn verb(&self) -> &str {
         let mut words = self.command.iter().skip(1).filter_map(Name::to_str);
         words.find(|word| !word.starts_with('-')).unwrap_or_default()
@@ -329,13 +329,13 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
         self.timings.push(Timing { name: name.into(), seconds: took.as_secs_f64() });
     }
 
-    /// Sets the outcome of the run. [`Manifest::write`] must be called afterwards.
+    /// Sets the outcome of the run. Afterwards, [`Manifest::write`] must be called.
     pub fn finish(&mut self, status: Status, message: impl Into<String>) {
         self.status = status;
         self.message = message.into();
     }
 
-    /// Writes the manifest atomically. From then on, no link in its folder is followed, as after [`Manifest::read`].
+    /// Writes the manifest atomically. From then on, no link in its folder is followed; the same holds after [`Manifest::read`].
     pub fn write(&self, path: &Path) -> Result<()> {
         let mut text =
             serde_json::to_string_pretty(self).map_err(|error| Error::writing(path)(error.into()))?;
@@ -347,7 +347,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
     /// Reads a manifest.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Data`] when the file is not a manifest or has another format version.
+    /// [`Error::Read`]; [`Error::Data`] if the file is not a manifest, or has another format version.
     pub fn read(path: &Path) -> Result<Self> {
         path.parent().into_iter().for_each(file::follow_no_links_below);
         let bytes = file::read(path)?;
@@ -360,10 +360,10 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
     }
 }
 
-/// The last second of the year 9999, in seconds since 1970: RFC 3339 allows four digits for the year.
+/// The last second of the year 9999, in seconds since 1970. The year in RFC 3339 has four digits.
 const LAST_SECOND: u64 = 253_402_300_799;
 
-/// A time such as `2026-01-31T23:59:59Z`. A time outside 1970 to 9999 becomes the first or last second of that range.
+/// A time such as `2026-01-31T23:59:59Z`. Times before 1970 or after 9999 become the first or last second of this range.
 pub fn rfc3339(time: SystemTime) -> String {
     let seconds = time.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs().min(LAST_SECOND));
     humantime::format_rfc3339_seconds(UNIX_EPOCH + Duration::from_secs(seconds)).to_string()

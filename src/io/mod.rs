@@ -1,4 +1,4 @@
-//! Files: arrays, images, matrices, saved models and the record of a run.
+//! Reads and writes files: arrays, images, matrices, saved models, and the record of a run.
 //!
 //! | file | module |
 //! |---|---|
@@ -9,8 +9,8 @@
 //! | `run.json`, the record of a run | [`manifest`] |
 //! | `model/`, a captured low-rank model | [`model`] |
 //!
-//! [`picture`] reads and writes images in the format that the file's extension selects. All files are written
-//! by [`atomic`]: a file appears completely or not at all. The same content gives the same bytes.
+//! [`picture`] reads and writes images in the format that the file's extension selects. [`atomic`] writes all files: a file appears
+//! completely or not at all. Equal content gives equal bytes.
 
 pub mod exr;
 pub mod manifest;

@@ -1,4 +1,4 @@
-//! Low-rank models of light transport on disk: the folder `model/` in the folder of the run that captured the model.
+//! Low-rank models of light transport on disk. A model is in the folder `model/`, in the folder of the run that captured it.
 //!
 //! | file | content |
 //! |---|---|
@@ -8,10 +8,10 @@
 //! | `direct-C.npy` or `.npz` | the direct light: an image `H×W`, or a sparse matrix if it is not diagonal |
 //! | `ambient.npy` | the photo without the projector |
 //!
-//! NumPy and SciPy read all of these files. With `d` the direct light, `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`. The
-//! last term applies to symmetric models only.
+//! NumPy and SciPy read all of these files. With the direct light `d`, `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`. The
+//! last term is present only in symmetric models.
 //!
-//! Every file is checked against its digest when it is read. The record also has its own digest.
+//! When a file is read, it is checked against its digest in the record. The record also has a digest of its own.
 //!
 //! This module reads and writes the arrays; [`crate::analysis::low_rank`] defines their meaning.
 
@@ -31,7 +31,7 @@ const FORMAT: u32 = 2;
 pub const FOLDER: &str = "model";
 const RECORD: &str = "model.json";
 
-/// The arrays of a model, and the facts needed to interpret them.
+/// The arrays of a model, and the facts that are needed to interpret them.
 #[derive(Clone, Debug)]
 pub struct ModelArrays {
     /// The arrays of each channel.
@@ -44,7 +44,7 @@ pub struct ModelArrays {
     pub projector: Resolution,
     /// The unit of the photos' values.
     pub unit: String,
-    /// The name of the source that the model was captured from.
+    /// The name of the source from which the model was captured.
     pub source: String,
     /// Whether the light transport matrix is symmetric.
     pub symmetric: bool,
@@ -64,7 +64,7 @@ pub struct ChannelArrays {
 /// The direct light of a channel.
 #[derive(Clone, Debug)]
 pub enum DirectArrays {
-    /// The direct light is unknown, or it is part of the photos.
+    /// Unknown, or included in the photos.
     None,
     /// A diagonal matrix, given by its `n` diagonal values.
     Image(Vec<f64>),
@@ -85,11 +85,11 @@ struct Record {
     unit: String,
     symmetric: bool,
     channels: Vec<ChannelRecord>,
-    /// The digest of each other file in the folder, by its name.
+    /// The digest of each other file in the folder, by file name.
     files: BTreeMap<String, String>,
 }
 
-/// The field that tells whether the rest of a record can be read.
+/// The version of a record. It is read first, because it determines whether the other fields can be read.
 #[derive(Deserialize)]
 struct Version {
     krylux_model: u32,
@@ -125,8 +125,8 @@ pub fn record_path(run: &Path) -> PathBuf {
 }
 
 impl ModelArrays {
-    /// Writes the model into the run's folder `run`. Returns the names of its files relative to that folder. The record is
-    /// written last, so a model with a record is complete.
+    /// Writes the model into the run's folder `run`. Returns the names of the written files, relative to this folder. The record is written
+    /// last, so if there is a record, the model is complete.
     pub fn write(&self, run: &Path) -> Result<Vec<String>> {
         let folder = folder(run);
         file::follow_no_links_below(run);
@@ -188,8 +188,8 @@ impl ModelArrays {
     /// Reads the model in the run's folder `run`.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Data`] naming the file when its digest differs from the record's, when it is malformed,
-    /// when its size differs from the record's, or when it has a value that is not finite.
+    /// [`Error::Read`]; [`Error::Data`], which names the file, if its digest or size differs from the record's, if it is malformed, or if
+    /// it has a value that is not finite.
     pub fn read(run: &Path) -> Result<Self> {
         file::follow_no_links_below(run);
         let folder = folder(run);
@@ -229,14 +229,14 @@ impl ModelArrays {
 }
 
 impl Record {
-    /// The record's own digest. `path` names the record in errors.
+    /// The digest of the record itself. `path` names the record in errors.
     fn own_digest(&self, path: &Path) -> Result<String> {
         let mut record = serde_json::to_value(self).map_err(|error| Error::writing(path)(error.into()))?;
         record["digest"] = "".into();
         Ok(blake3::hash(record.to_string().as_bytes()).to_string())
     }
 
-    /// The path of a file of the model, after its digest is checked.
+    /// The path of a file of the model. The file's digest is checked first.
     fn whole_file(&self, folder: &Path, name: &str) -> Result<PathBuf> {
         let path = folder.join(name);
         if self.files.get(name) != Some(&digest_of_file(&path)?) {
@@ -268,7 +268,7 @@ fn read_record(path: &Path) -> Result<Record> {
     Ok(record)
 }
 
-/// Reads an array and checks that it has this shape and finite values.
+/// Reads an array, and checks that its shape is `shape` and its values are finite.
 fn numbers(path: &Path, shape: &[usize]) -> Result<Vec<f64>> {
     let array = npy::read_npy(path)?;
     if array.shape != shape {
@@ -339,7 +339,7 @@ mod tests {
                 let mut damaged = bytes.clone();
                 damaged[at] ^= 1 << (at % 8);
                 std::fs::write(&path, damaged).map_err(Error::writing(&path))?;
-                // Changed white space in the record has no effect, so an accepted model must equal the original.
+                // Changed white space in the record has no effect. If a changed model is accepted, it must therefore equal the original.
                 if let Ok(read) = ModelArrays::read(folder.path()) {
                     assert_eq!(format!("{read:?}"), whole, "byte {at} of {}", path.display());
                 }

@@ -1,17 +1,17 @@
-//! Paths and arguments in records, with any bytes.
+//! Paths and arguments in records. They may contain any bytes.
 
 use std::ffi::{OsStr, OsString};
 use std::fmt;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// A path or an argument. A record has it as text. If it is not Unicode, the record has its bytes (on
-/// Windows, its 16-bit units): `{"Unix": [255]}`.
+/// A path or an argument. In a record, it is a string. If it is not Unicode, the record contains its bytes instead (on Windows, its 16-bit
+/// units): `{"Unix": [255]}`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Name(OsString);
 
 impl Name {
-    /// The text, if it is Unicode.
+    /// The path or argument as a string, if it is Unicode.
     pub fn to_str(&self) -> Option<&str> {
         self.0.to_str()
     }
@@ -42,7 +42,7 @@ impl<'de> Deserialize<'de> for Name {
     }
 }
 
-/// Writes a path as [`Name`] does; for fields `#[serde(with = "name")]`.
+/// Writes a path like [`Name`], for fields with `#[serde(with = "name")]`.
 pub(crate) fn serialize<S: Serializer>(name: &impl AsRef<OsStr>, serializer: S) -> Result<S::Ok, S::Error> {
     let name = name.as_ref();
     match name.to_str() {
@@ -51,7 +51,7 @@ pub(crate) fn serialize<S: Serializer>(name: &impl AsRef<OsStr>, serializer: S) 
     }
 }
 
-/// Reads a path as [`Name`] does; for fields `#[serde(with = "name")]`.
+/// Reads a path like [`Name`], for fields with `#[serde(with = "name")]`.
 pub(crate) fn deserialize<'de, T: From<OsString>, D: Deserializer<'de>>(
     deserializer: D,
 ) -> Result<T, D::Error> {

@@ -1,4 +1,4 @@
-//! NumPy's `.npy` files. Arrays of any real type can be read.
+//! Reads and writes NumPy's `.npy` files. Arrays of any real type can be read.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::file;
 use crate::image::{Image, Resolution};
 
-/// The largest length of a header in bytes, as in NumPy. The header of a plain array is much shorter.
+/// The maximum length of a header in bytes, as in NumPy. Headers of plain arrays are much shorter.
 const MAX_HEADER_BYTES: usize = 10_000;
 
 /// An array from a file. Values are in C order (the last index runs fastest) and converted to `f64`.
@@ -25,7 +25,7 @@ pub struct Array {
 /// Writes an array of `shape` (for example `[k, h, w]`). The values are in C order and keep their type.
 ///
 /// # Errors
-/// [`Error::Dimension`] when the number of values is not the product of `shape`; [`Error::Write`].
+/// [`Error::Dimension`] if the number of values is not the product of `shape`; [`Error::Write`].
 pub fn write_npy<T: npyz::AutoSerialize>(path: &Path, shape: &[usize], values: &[T]) -> Result<()> {
     let expected: usize = shape.iter().product();
     if expected != values.len() {
@@ -56,13 +56,12 @@ fn write_array<T: npyz::AutoSerialize>(writer: impl Write, shape: &[usize], valu
     array.finish()
 }
 
-/// Reads an array of a real type (`f2 f4 f8`, `i1`–`i8`, `u1`–`u8`, `bool`), in either byte order, in C or
-/// Fortran order. The values of `bool` become 0 and 1. NaN and infinities are accepted; see
-/// [`picture::require_finite`](super::picture::require_finite).
+/// Reads an array of a real type (`f2 f4 f8`, `i1`–`i8`, `u1`–`u8`, `bool`), in either byte order, in C or Fortran order. The values of
+/// `bool` become 0 and 1. NaN and infinities are accepted; [`picture::require_finite`](super::picture::require_finite) rejects them.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is not in `.npy` format, is cut off, has additional bytes at
-/// its end, or contains anything but a plain array of real numbers.
+/// [`Error::Read`]; [`Error::Data`] if the file is not in `.npy` format, is truncated, has additional bytes at its end, or contains
+/// anything but a plain array of real numbers.
 pub fn read_npy(path: &Path) -> Result<Array> {
     let bytes = file::read(path)?;
     parse(&bytes).map_err(|fault| unusable(path, fault))
@@ -71,8 +70,7 @@ pub fn read_npy(path: &Path) -> Result<Array> {
 /// Reads an image, `H×W` (luma) or `H×W×3` (RGB), as [`read_npy`] does. The values are rounded to `f32`.
 ///
 /// # Errors
-/// The errors of [`read_npy`], and [`Error::Data`] for another shape, an empty image, or a finite value that
-/// is too large for `f32`.
+/// The errors of [`read_npy`]; also [`Error::Data`] for any other shape, an empty image, or a finite value that is too large for `f32`.
 pub fn read_image(path: &Path) -> Result<Image> {
     let Array { shape, values } = read_npy(path)?;
     let (height, width, channels) = match *shape.as_slice() {
@@ -106,7 +104,7 @@ pub(super) fn parse(bytes: &[u8]) -> std::result::Result<Array, String> {
     let size = number.num_bytes().unwrap_or(1);
     let data = file.into_inner();
     let count: usize = shape.iter().product();
-    // `require_plain_header` bounds the product, so it does not overflow; the comparison bounds it by the
+    // `require_plain_header` limits the product of the lengths, so it does not overflow. The comparison then limits it by the length of the
     // file.
     if count.checked_mul(size) != Some(data.len()) {
         return Err(format!(
@@ -126,15 +124,15 @@ pub(super) fn parse(bytes: &[u8]) -> std::result::Result<Array, String> {
     Ok(Array { shape, values })
 }
 
-/// The values of an `.npy` file with numbers of type `T`. `Err` is a sentence about the fault.
+/// The values of an `.npy` file whose numbers have the type `T`. The error text is a sentence about the fault.
 pub(crate) fn parse_as<T: npyz::Deserialize>(bytes: &[u8]) -> std::result::Result<Vec<T>, String> {
     require_plain_header(bytes)?;
     let file = NpyFile::new(bytes).map_err(|error| format!("its header is malformed: {error}"))?;
     file.into_vec().map_err(|error| error.to_string())
 }
 
-/// Checks the header before the crate `npyz` parses it. On a hostile header, `npyz` would recurse as deep as
-/// brackets nest, allocate as much memory as the header claims, and multiply lengths without overflow checks.
+/// Checks the header before the crate `npyz` parses it. Without this check, a malicious header could make `npyz` recurse as deeply as
+/// brackets nest, allocate as much memory as the header states, and multiply lengths without overflow checks.
 fn require_plain_header(bytes: &[u8]) -> std::result::Result<(), String> {
     if bytes.len() < 12 || !bytes.starts_with(b"\x93NUMPY") {
         return Err("it does not start as an .npy file does".into());
@@ -155,7 +153,7 @@ fn require_plain_header(bytes: &[u8]) -> std::result::Result<(), String> {
     for digits in shape.split(|byte| !byte.is_ascii_digit()).filter(|digits| !digits.is_empty()) {
         let length: u64 =
             std::str::from_utf8(digits).ok().and_then(|text| text.parse().ok()).unwrap_or(u64::MAX);
-        // If one length is zero, the bound must still hold for the product of the others.
+        // A length of zero counts as 1 here, so that the product of the other lengths is also bounded.
         elements = elements
             .checked_mul(length.max(1))
             .filter(|&count| count < 1 << 48)
@@ -164,10 +162,10 @@ fn require_plain_header(bytes: &[u8]) -> std::result::Result<(), String> {
     Ok(())
 }
 
-/// Converts the bytes of one number to `f64`. It needs exactly the bytes of the number's type.
+/// A function that converts the bytes of one number to `f64`. It must get exactly the bytes of one number of its type.
 type Decode = fn(&[u8]) -> f64;
 
-/// The function that decodes numbers of this type. `Err` says that the type is not supported.
+/// The function that decodes numbers of this type. The error text says that the type is not supported.
 fn decoder(number: &TypeStr) -> std::result::Result<Decode, String> {
     macro_rules! from_bytes {
         ($type:ty) => {

@@ -17,10 +17,10 @@ enum PictureFormat {
 }
 
 /// Reads a pattern or a target. The values of `.npy` and `.exr` files are linear. The values of `.png` and `.jpg` files are decoded from
-/// sRGB to linear values in \[0,1\]. All values of the result are finite.
+/// sRGB to linear values in \[0,1\]. All values of the resulting image are finite.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the extension is unknown, the file is malformed, or a value is NaN or infinite.
+/// [`Error::Read`]; [`Error::Data`] if the extension is unknown, if the file is malformed, or if a value is NaN or infinite.
 pub fn read(path: &Path) -> Result<Image> {
     let image = match kind(path) {
         Some(PictureFormat::Npy) => npy::read_image(path)?,
@@ -32,11 +32,11 @@ pub fn read(path: &Path) -> Result<Image> {
     Ok(image)
 }
 
-/// Reads an image of the size `expected`. A file that states another size is refused before its pixels are decoded. In the message, `whose`
-/// names the thing that has the expected size.
+/// Reads an image of the size `expected`. If a file states another size, it is refused before its pixels are decoded. The message uses
+/// `whose` to say which thing has the expected size.
 ///
 /// # Errors
-/// The errors of [`read`], and [`Error::Data`] when the image has another size.
+/// The errors of [`read`]; also [`Error::Data`] if the image has another size.
 pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Image> {
     let require = |found: Resolution| match found == expected {
         true => Ok(()),
@@ -53,7 +53,7 @@ pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Imag
     require(image.resolution()).map(|()| image)
 }
 
-/// The sizes of the images in a file, as its header states them. The list is empty for `.npy` files, which are as long as their arrays.
+/// The sizes of the images in a file, as stated in its header. For `.npy` files, which are as long as their arrays, the list is empty.
 pub fn stated_sizes(path: &Path) -> Result<Vec<Resolution>> {
     match kind(path) {
         Some(PictureFormat::Png | PictureFormat::Jpeg) => Ok(vec![size(path)?]),
@@ -63,11 +63,11 @@ pub fn stated_sizes(path: &Path) -> Result<Vec<Resolution>> {
     }
 }
 
-/// Writes a photo. A `.npy` or `.exr` file gets its linear values; a `.png` file is tone-mapped for viewing ([`raster::exposure`],
-/// [`raster::develop`]).
+/// Writes a photo. For a `.npy` or `.exr` file, the linear values are written. For a `.png` file, the photo is tone-mapped for viewing
+/// ([`raster::exposure`], [`raster::develop`]).
 ///
 /// # Errors
-/// [`Error::Data`] when the file has another extension; [`Error::Write`].
+/// [`Error::Data`] if the file has any other extension; [`Error::Write`].
 pub fn write(path: &Path, image: &Image) -> Result<()> {
     match kind(path) {
         Some(PictureFormat::Npy) => npy::write_image(path, image),
@@ -77,7 +77,7 @@ pub fn write(path: &Path, image: &Image) -> Result<()> {
     }
 }
 
-/// Checks that [`write()`] could write `path`: its extension is known, and its folder exists and is writable.
+/// Checks that [`write()`] can write to `path`: the extension is known, and the folder exists and is writable.
 pub fn check_writable(path: &Path) -> Result<()> {
     match kind(path) {
         Some(PictureFormat::Npy | PictureFormat::Exr | PictureFormat::Png) => atomic::check_writable(path),
@@ -88,7 +88,7 @@ pub fn check_writable(path: &Path) -> Result<()> {
 /// Checks that an image has no NaN or infinite values. One such value in a pattern would make every later photo NaN.
 ///
 /// # Errors
-/// [`Error::Data`] naming the file and the first pixel at fault.
+/// [`Error::Data`], which names the file and the first invalid pixel.
 pub fn require_finite(path: &Path, image: &Image) -> Result<()> {
     let Some(at) = image.samples().iter().position(|sample| !sample.is_finite()) else {
         return Ok(());
@@ -114,10 +114,10 @@ fn unknown(path: &Path) -> Error {
         .help("name it .npy, .exr or .png (.jpg can be read, but not written)")
 }
 
-/// The largest size of decoded pixels in bytes: a 16-bit RGB picture of 8192² pixels has less. It limits the memory for hostile headers.
+/// The maximum size of decoded pixels in bytes, which limits the memory for malicious headers. 8192² pixels in 16-bit RGB take less.
 const MAX_BYTES: usize = 512 << 20;
 
-/// Bytes of memory for each decoded byte: an 8-bit sample becomes a 16-bit sample, and then a 32-bit sample.
+/// The bytes of memory for each decoded byte. An 8-bit sample becomes a 16-bit sample, and then a 32-bit sample.
 const MEMORY_PER_BYTE: u64 = 8;
 
 pub(super) fn size(path: &Path) -> Result<Resolution> {
@@ -144,11 +144,11 @@ fn unusable_picture(path: &Path, fault: String, help: &str) -> Error {
     Error::data(path, fault).help(help)
 }
 
-/// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB is decoded to linear values in \[0,1\]. The pattern has one channel if the
-/// file is gray, and three otherwise.
+/// Reads a PNG (8 or 16 bits) or JPEG file as a pattern. sRGB is decoded to linear values in \[0,1\]. The pattern has one channel if the
+/// file is gray, and three channels otherwise.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is malformed, has another format, is very large, or has a transparent pixel.
+/// [`Error::Read`]; [`Error::Data`] if the file is malformed, has another format, is too large, or has a transparent pixel.
 pub fn read_png(path: &Path) -> Result<Image> {
     let bytes = file::read(path)?;
     let picture =

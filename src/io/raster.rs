@@ -1,4 +1,4 @@
-//! Rasters: 8-bit sRGB pictures for viewing. Tone mapping uses one exposure for the whole photo and the sRGB curve (IEC 61966-2-1).
+//! Rasters are 8-bit sRGB pictures for viewing. Tone mapping applies one exposure to all pixels, and then the sRGB curve (IEC 61966-2-1).
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -12,7 +12,7 @@ use crate::image::{Image, Resolution};
 /// The colour of pixels that are NaN: a magenta that no colour map contains.
 pub const NOT_A_NUMBER: [u8; 3] = [0xff, 0x00, 0xff];
 
-/// A picture for viewing: sRGB, 8 bits a channel, row by row from the top left.
+/// A picture for viewing, in sRGB with 8 bits per channel, row by row from the top left.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Raster {
     resolution: Resolution,
@@ -20,7 +20,7 @@ pub struct Raster {
 }
 
 impl Raster {
-    /// Collects `w·h` pixels, row by row from the top left. Missing pixels are black; additional pixels are ignored.
+    /// A picture of `w·h` pixels, given row by row from the top left. Missing pixels are black, and additional pixels are ignored.
     pub fn from_pixels(resolution: Resolution, pixels: impl IntoIterator<Item = [u8; 3]>) -> Self {
         let mut bytes: Vec<u8> = pixels.into_iter().take(resolution.pixels()).flatten().collect();
         bytes.resize(3 * resolution.pixels(), 0);
@@ -63,7 +63,7 @@ impl Raster {
         }
     }
 
-    /// The picture with each pixel enlarged to a block of `factor × factor`, for viewers that would blur a small picture.
+    /// The picture with each pixel enlarged to a block of `factor × factor` pixels. Viewers would blur a small picture.
     pub fn enlarged(&self, factor: usize) -> Self {
         let factor = factor.max(1);
         let resolution = Resolution::new(self.resolution.width * factor, self.resolution.height * factor);
@@ -75,7 +75,7 @@ impl Raster {
     /// The bytes of a PNG file.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when there are no pixels, or when a side is longer than PNG allows.
+    /// [`Error::Dimension`] if there are no pixels, or if a side is longer than PNG allows.
     pub fn encode_png(&self) -> Result<Vec<u8>> {
         let Resolution { width, height } = self.resolution;
         let refused =
@@ -102,11 +102,11 @@ impl Raster {
     }
 }
 
-/// The share of samples that is not saturated. The brightest half per cent may saturate, so that a highlight does not darken the rest.
+/// The share of samples that are not saturated. The brightest half per cent may saturate, so that highlights do not darken the photo.
 const WHITE_PERCENTILE: f64 = 0.995;
 
-/// The factor that maps the 99.5th percentile of the positive, finite samples to white; 1 if there are none. Dark samples are not counted,
-/// so the photo of a single projected pixel also has a useful exposure.
+/// The factor that maps the 99.5th percentile of the positive, finite samples to white; 1 if there are no such samples. Samples that are
+/// not positive are ignored, so even the photo of a single projected pixel gets a useful exposure.
 pub fn exposure(image: &Image) -> f32 {
     let lit: Vec<f64> =
         image.samples().iter().filter(|&&v| v > 0.0 && v.is_finite()).map(|&v| f64::from(v)).collect();
@@ -115,7 +115,7 @@ pub fn exposure(image: &Image) -> f32 {
     if scale.is_finite() && scale > 0.0 { scale } else { 1.0 }
 }
 
-/// Multiplies by `scale`, clips to \[0,1\] and encodes as sRGB. NaN is shown in magenta ([`NOT_A_NUMBER`]).
+/// Multiplies all samples by `scale`, clips them to \[0,1\], and encodes them as sRGB. NaN becomes magenta ([`NOT_A_NUMBER`]).
 pub fn develop(image: &Image, scale: f32) -> Raster {
     let rgb = image.samples().chunks_exact(image.channels()).map(|pixel| {
         if pixel.iter().any(|sample| sample.is_nan()) {
@@ -127,7 +127,7 @@ pub fn develop(image: &Image, scale: f32) -> Raster {
     Raster::from_pixels(image.resolution(), rgb)
 }
 
-/// The quantile `rank` (in \[0,1\]) of `values` by the nearest-rank method; `None` if there are no values. No value may be NaN.
+/// The quantile `rank` (in \[0,1\]) of `values`, by the nearest-rank method; `None` if there are no values. No value may be NaN.
 pub(crate) fn percentile(mut values: Vec<f64>, rank: f64) -> Option<f64> {
     let index = ((values.len() as f64 * rank).ceil() as usize).saturating_sub(1);
     if index >= values.len() {
@@ -136,21 +136,22 @@ pub(crate) fn percentile(mut values: Vec<f64>, rank: f64) -> Option<f64> {
     Some(*values.select_nth_unstable_by(index, f64::total_cmp).1)
 }
 
-/// The number of intervals of first guesses. Over one interval, the encoded value changes by less than one byte, even at the steepest part.
+/// The number of intervals with a precomputed first guess. Within one interval, the encoded value changes by less than one byte, even where
+/// the curve is steepest.
 const GUESSES: usize = 4096;
 
-/// Tables of the encoded bytes. A report shows millions of pixels, and a power function for each channel would be slow.
+/// Tables for encoding. A report shows millions of pixels, and evaluating a power function for each channel would be slow.
 struct Bytes {
-    /// For each byte, the least linear value that is encoded as the next byte.
+    /// For each byte, the least linear value whose code is greater than this byte.
     next: [f32; 256],
-    /// The byte at the start of each interval.
+    /// The code at the start of each interval.
     guess: [u8; GUESSES + 1],
 }
 
 static BYTES: LazyLock<Bytes> = LazyLock::new(|| {
     let mut next = [f32::INFINITY; 256];
     for (byte, next) in next.iter_mut().take(255).enumerate() {
-        // The search bisects the bit patterns, since positive floats are ordered like their bits.
+        // The search bisects bit patterns, because positive floats have the same order as their bit patterns.
         let (mut below, mut above) = (0.0_f32.to_bits(), 1.0_f32.to_bits());
         while below + 1 < above {
             let middle = below.midpoint(above);
@@ -161,14 +162,14 @@ static BYTES: LazyLock<Bytes> = LazyLock::new(|| {
     Bytes { next, guess: std::array::from_fn(|step| byte_of(step as f32 / GUESSES as f32)) }
 });
 
-/// The sRGB byte nearest to a linear value, which is clipped to \[0,1\]. NaN gives 0.
+/// The sRGB byte that is nearest to a linear value. The value is clipped to \[0,1\] first. NaN gives 0.
 pub fn encode_srgb(linear: f32) -> u8 {
     let linear = linear.clamp(0.0, 1.0);
     let byte = BYTES.guess[(linear * GUESSES as f32) as usize];
     byte + u8::from(linear >= BYTES.next[usize::from(byte)])
 }
 
-/// Like [`encode_srgb`], but without tables, for a value in \[0,1\].
+/// Works like [`encode_srgb`], but without tables, for a value in \[0,1\].
 fn byte_of(linear: f32) -> u8 {
     let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
     (encoded * 255.0).round() as u8

@@ -1,6 +1,6 @@
-//! Files of sparse matrices: SciPy's `.npz` and Matrix Market's `.mtx`.
+//! Reads and writes files of sparse matrices: SciPy's `.npz` and Matrix Market's `.mtx`.
 //!
-//! This module assembles `.npz` archives itself, because the crate `npyz` depends on another version of the crate `zip`.
+//! This module assembles `.npz` archives itself, because the crate `npyz` requires another version of the crate `zip`.
 
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -26,7 +26,7 @@ pub fn write(path: &Path, matrix: &Csr) -> Result<()> {
     }
 }
 
-/// Checks that [`write()`] could write `path`: its extension is known, and its folder exists and is writable.
+/// Checks that [`write()`] can write to `path`: the extension is known, and the folder exists and is writable.
 pub fn check_writable(path: &Path) -> Result<()> {
     match extension(path).as_str() {
         "npz" | "mtx" => atomic::check_writable(path),
@@ -34,8 +34,7 @@ pub fn check_writable(path: &Path) -> Result<()> {
     }
 }
 
-/// Reads a matrix in the format that the extension selects: `.npz` ([`read_npz`]), `.mtx` ([`read_mtx`]), or `.npy` with a dense
-/// `m×n` array.
+/// Reads a matrix in the format that the extension selects: `.npz` ([`read_npz`]), `.mtx` ([`read_mtx`]), or `.npy` (a dense array).
 ///
 /// # Errors
 /// [`Error::Read`]; [`Error::Data`] for another extension or a malformed file.
@@ -48,7 +47,7 @@ pub fn read(path: &Path) -> Result<Csr> {
     }
 }
 
-/// The extension of a file's name in lower case.
+/// The extension of a file, in lower case.
 fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
 }
@@ -74,8 +73,8 @@ fn from_dense(path: &Path) -> Result<Csr> {
     )
 }
 
-/// The largest number of rows or columns: the pixels of a photo of 8192×8192. Empty rows take memory, too, and a few bytes of text
-/// can state any number of them.
+/// The maximum number of rows or columns: the pixels of a photo of 8192×8192. A limit is necessary because empty rows also take memory, and
+/// a file of a few bytes can state any number of rows.
 const MAX_SIDE: usize = 1 << 26;
 
 /// Checks the number of rows and columns that a file states, before memory is allocated for them.
@@ -89,7 +88,7 @@ fn require_sides(path: &Path, rows: usize, cols: usize) -> Result<()> {
     Ok(())
 }
 
-/// The matrix with these entries (row, column, value) in any order. Zeros are dropped.
+/// The matrix with these entries (row, column, value), which may be in any order. Zeros are dropped.
 fn from_entries(path: &Path, rows: usize, cols: usize, mut entries: Vec<(usize, usize, f64)>) -> Result<Csr> {
     require_sides(path, rows, cols)?;
     entries.retain(|entry| entry.2 != 0.0);
@@ -118,11 +117,11 @@ fn unusable(path: &Path, fault: String) -> Error {
         .help("write it with scipy.sparse.save_npz(FILE, A.tocsr()), scipy.io.mmwrite or numpy.save")
 }
 
-/// Writes a file that `scipy.sparse.load_npz` reads as a `csr_matrix`. Its type is `float32` if that represents every value
-/// exactly, and `float64` otherwise.
+/// Writes a file that `scipy.sparse.load_npz` reads as a `csr_matrix`. Its type is `float32` if every value is exactly representable in it,
+/// and `float64` otherwise.
 ///
-/// Index arrays are `int32` if that can represent all indices, and `int64` otherwise, as in SciPy. The members of the archive are
-/// not compressed and have a fixed date, so equal matrices give equal bytes.
+/// As in SciPy, index arrays are `int32` if all indices fit, and `int64` otherwise. The members of the archive are not compressed and have
+/// a fixed date, so equal matrices give equal bytes.
 pub fn write_npz(path: &Path, matrix: &Csr) -> Result<()> {
     atomic::write_with(path, |file| {
         let mut archive = ZipWriter::new(FirstError::new(file));
@@ -138,7 +137,7 @@ pub fn write_npz(path: &Path, matrix: &Csr) -> Result<()> {
         add_format_to_npz(&mut archive)?;
         add_to_npz(&mut archive, "shape", 2, [matrix.rows() as i64, matrix.cols() as i64].into_iter())?;
         let weights = matrix.weights();
-        // Bits are compared instead of values, because NaN differs from itself.
+        // Bits are compared instead of values, because NaN is not equal to itself.
         if weights.iter().all(|&v| f64::from(v as f32).to_bits() == v.to_bits()) {
             add_to_npz(&mut archive, "data", weights.len(), weights.iter().map(|&v| v as f32))?;
         } else {
@@ -184,20 +183,20 @@ pub(crate) fn npz_options(bytes: u64) -> SimpleFileOptions {
         .compression_method(CompressionMethod::Stored)
         .last_modified_time(zip::DateTime::DEFAULT)
         .unix_permissions(0o644)
-        // A member of 4 GiB or more needs this flag. The sum allows for the header of the .npy format.
+        // A member of 4 GiB or more needs this flag. The comparison includes a margin for the header of the .npy format.
         .large_file(bytes + 4096 > u64::from(u32::MAX))
 }
 
-/// A member up to this size in bytes is read at any compression ratio.
+/// The maximum size in bytes of a member that is read at any compression ratio.
 const MAX_EXPANDED_BYTES: u64 = 1 << 28;
 
-/// The largest compression ratio of a larger member. The limit keeps a small malicious archive from filling the memory.
+/// The maximum compression ratio of a larger member. This limit prevents a small malicious archive from filling the memory.
 const MAX_EXPANSION: u64 = 64;
 
-/// Reads a file that `scipy.sparse.save_npz` wrote for a CSR matrix of real numbers, compressed or not.
+/// Reads a file that `scipy.sparse.save_npz` has written for a CSR matrix of real numbers, compressed or not.
 ///
 /// # Errors
-/// [`crate::Error::Read`]; [`crate::Error::Data`] when the file does not contain the arrays of a CSR matrix.
+/// [`crate::Error::Read`]; [`crate::Error::Data`] if the file does not contain the arrays of a CSR matrix.
 pub fn read_npz(path: &Path) -> Result<Csr> {
     let archive = file::open(path)?;
     let length = archive.metadata().map_err(Error::reading(path))?.len();
@@ -208,7 +207,7 @@ pub fn read_npz(path: &Path) -> Result<Csr> {
         let entry = archive.by_name(&format!("{name}.npy"));
         let entry = entry.map_err(|error| fault(format!("it has no array `{name}`: {error}")))?;
         let size = entry.size();
-        // The archive states both sizes, and they may be wrong. A member cannot take more bytes than the whole archive.
+        // Both sizes are stated by the archive, so they may be wrong. A member cannot take more bytes than the whole archive.
         let packed = entry.compressed_size().min(length);
         if size > MAX_EXPANDED_BYTES.max(MAX_EXPANSION * packed) {
             return Err(fault(format!(
@@ -231,7 +230,7 @@ pub fn read_npz(path: &Path) -> Result<Csr> {
         let array = npy::parse(&bytes(name)?).map_err(|what| fault(format!("array `{name}`: {what}")))?;
         Ok(array.values)
     };
-    // The conversion of indices to f64 and back is exact, because they are below 2⁵³.
+    // Converting indices to f64 and back is exact, because indices are below 2⁵³.
     let index = |name: &str, values: Vec<f64>| -> Result<Vec<usize>> {
         let whole = |&value: &f64| (0.0..9e15).contains(&value);
         if !values.iter().all(whole) {
@@ -257,14 +256,14 @@ pub fn read_npz(path: &Path) -> Result<Csr> {
     if u32::try_from(cols).is_err() || columns.iter().any(|&column| column >= cols) {
         return Err(fault(format!("a column index is not below {cols}")));
     }
-    // SciPy does not sort the entries of a row.
+    // SciPy need not sort the entries of a row.
     let row_of = (0..rows).flat_map(|row| std::iter::repeat_n(row, starts[row + 1] - starts[row]));
     let entries = row_of.zip(columns).zip(weights).map(|((row, column), value)| (row, column, value));
     from_entries(path, rows, cols, entries.collect())
 }
 
-/// Writes Matrix Market's coordinate format, with indices from 1 on and enough digits for a reader to get the same numbers. A matrix that
-/// is symmetric to the last bit is written as `symmetric` (its lower triangle), any other matrix as `general`.
+/// Writes Matrix Market's coordinate format. Indices start at 1, and numbers have enough digits to be read back exactly. A matrix that is
+/// symmetric to the last bit is written as `symmetric` (its lower triangle), and any other matrix as `general`.
 ///
 /// # Errors
 /// [`crate::Error::Write`], also for a NaN or infinite entry, which the format cannot represent.
@@ -287,10 +286,10 @@ pub fn write_mtx(path: &Path, matrix: &Csr) -> Result<()> {
     })
 }
 
-/// Reads Matrix Market's coordinate format of real or integer numbers, `general` or `symmetric`.
+/// Reads Matrix Market's coordinate format with real or integer numbers, `general` or `symmetric`.
 ///
 /// # Errors
-/// [`crate::Error::Read`]; [`crate::Error::Data`] naming the line at fault.
+/// [`crate::Error::Read`]; [`crate::Error::Data`], which names the invalid line.
 pub fn read_mtx(path: &Path) -> Result<Csr> {
     let text = file::read_text(path)?;
     let mut lines = text.lines().enumerate();
@@ -337,8 +336,8 @@ pub fn read_mtx(path: &Path) -> Result<Csr> {
     from_entries(path, rows, cols, entries)
 }
 
-/// Passes everything to `inner` until an operation fails. After that, operations succeed and do nothing. Otherwise the crate
-/// `zip`, which finishes an archive when it is dropped, would print a second error on stderr.
+/// A writer that passes everything to `inner` until an operation fails. Afterwards, all operations succeed and do nothing. Without this,
+/// the crate `zip`, which finishes an archive when it is dropped, would print a second error on stderr.
 pub(crate) struct FirstError<W> {
     inner: W,
     has_failed: bool,

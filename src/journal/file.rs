@@ -1,4 +1,4 @@
-//! An open journal: reading records and appending new ones.
+//! An open journal. Records are read from it, and new records are appended to it.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 /// The minimum time between two syncs by [`Journal::append_buffered`].
 const SYNC_INTERVAL: Duration = Duration::from_millis(250);
 
-/// A journal that is open for reading and, unless it was opened by [`Journal::read_only`], for appending.
+/// A journal that is open for reading. It is also open for appending, unless [`Journal::read_only`] opened it.
 #[derive(Debug)]
 pub struct Journal {
     pub(super) path: PathBuf,
@@ -21,17 +21,17 @@ pub struct Journal {
     pub(super) lock: Option<File>,
     pub(super) identity: Identity,
     pub(super) identity_hash: [u8; 32],
-    /// The records and the damage of the file.
+    /// The records of the file, and the damaged parts.
     pub(super) content: Scan,
     pub(super) index: HashMap<Key, usize>,
     /// The offset of the next record.
     pub(super) end: u64,
-    /// Whether an error left the end of the file in an unknown state. If so, nothing more is written.
+    /// Whether an error left the end of the file in an unknown state. If so, nothing is written any more.
     pub(super) broken: bool,
     pub(super) synced: Synced,
 }
 
-/// The records that are known to be on disk, not only in the operating system's buffers.
+/// The records that are known to be on disk. Later records may only be in the operating system's buffers.
 #[derive(Debug)]
 pub(super) struct Synced {
     entries: usize,
@@ -59,20 +59,20 @@ impl Journal {
         &self.path
     }
 
-    /// The identity of the source of all photos.
+    /// The identity of the source of the photos.
     pub fn identity(&self) -> &Identity {
         &self.identity
     }
 
-    /// The key of a photo that depends on these parts and on the journal's identity.
+    /// The key of a photo that depends on these parts and on the identity of the journal.
     pub fn key(&self, parts: &[&[u8]]) -> Key {
         let mut all: Vec<&[u8]> = vec![&self.identity_hash];
         all.extend(parts);
         Key::of(&all)
     }
 
-    /// All records with a valid head, in the order in which they were written. They include records with a
-    /// damaged payload, for which [`Journal::holds`] is false.
+    /// All records with a valid head, in the order in which they were written. A record with a damaged payload is included, and
+    /// [`Journal::holds`] is false for it.
     pub fn entries(&self) -> &[Entry] {
         &self.content.entries
     }
@@ -82,18 +82,18 @@ impl Journal {
         self.index.values().filter(|&&index| self.content.entries[index].kind == Kind::Photo).count()
     }
 
-    /// Whether there is a record with this key that is not known to be damaged.
+    /// Whether the journal has a record with this key that is not known to be damaged.
     pub fn holds(&self, key: Key) -> bool {
         self.index.contains_key(&key)
     }
 
-    /// The damage known so far. Opening finds damaged heads, and reading finds damaged payloads.
+    /// The damage found so far. Opening a journal finds damaged heads, and reading a record finds a damaged payload.
     pub fn damages(&self) -> &[Damage] {
         &self.content.damages
     }
 
-    /// The incomplete record at the end of the file, if there was one when the journal was opened. It was cut
-    /// off, or ignored if the journal is open for reading only.
+    /// The incomplete record at the end of the file, if there was one when the journal was opened. It was removed; if the journal is open
+    /// only for reading, it was ignored.
     pub fn torn(&self) -> Option<&Torn> {
         self.content.torn.as_ref()
     }
@@ -103,8 +103,8 @@ impl Journal {
         self.lock.is_some()
     }
 
-    /// Reads the record with this key. Returns `None` if it does not exist or is damaged. Damage is added to
-    /// [`Journal::damages`]. A file that cannot be read at all gives [`Error::Read`].
+    /// Reads the record with this key. Returns `None` if it does not exist or is damaged. Damage is added to [`Journal::damages`]. If the
+    /// file cannot be read at all, the call fails with [`Error::Read`].
     pub fn get(&mut self, key: Key) -> Result<Option<Stored>> {
         let Some(&index) = self.index.get(&key) else { return Ok(None) };
         let entry = &self.content.entries[index];
@@ -142,7 +142,7 @@ impl Journal {
         Ok(())
     }
 
-    /// Stores a pattern, unless it exists, and returns its key. Appending the next photo syncs it to disk.
+    /// Stores a pattern, unless the journal has it already, and returns its key. Appending the next photo also syncs the pattern to disk.
     pub fn pattern(&mut self, payload: &[u8]) -> Result<Key> {
         let key = Key::of(&[b"pattern", payload]);
         if !self.holds(key) {
@@ -154,21 +154,20 @@ impl Journal {
     /// Appends a record. It returns when this record and all earlier ones are on disk.
     ///
     /// # Errors
-    /// [`Error::Journal`] naming the file when it cannot be written, is open for reading only, or holds a
-    /// record with this key already. No earlier record is lost: a partly written record is cut off again.
+    /// [`Error::Journal`], which names the file, if it cannot be written, if it is open only for reading, or if it already has a record
+    /// with this key. No earlier record is lost: a partly written record is removed.
     pub fn append(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         self.write_unless_held(kind, key, metadata, payload)?;
         self.sync()
     }
 
-    /// Appends a record that could be computed again. It returns when the operating system has the record, so
-    /// the record survives any end of this process. A system crash can lose it until the next sync. The
-    /// journal syncs when it is closed, and on the first append at least a quarter of a second after the last
-    /// sync. A sync for each record would take longer than a product with the matrix.
+    /// Appends a record that could be computed again. The call returns when the operating system has the record, so the record survives if
+    /// this process ends in any way. A system crash can lose the record until the next sync. The journal syncs when it is closed. It also
+    /// syncs on an append if the last sync was at least a quarter of a second ago. Syncing each record would take longer than a product
+    /// with the matrix.
     ///
     /// # Errors
-    /// The errors of [`Journal::append`]. If a sync fails, records since the last successful sync are
-    /// removed.
+    /// The errors of [`Journal::append`]. If a sync fails, all records since the last successful sync are removed.
     pub fn append_buffered(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         self.write_unless_held(kind, key, metadata, payload)?;
         if self.synced.at.elapsed() < SYNC_INTERVAL { Ok(()) } else { self.sync() }
@@ -185,12 +184,12 @@ impl Journal {
     }
 
     fn sync(&mut self) -> Result<()> {
-        // `sync_data` includes the file's length. It may leave out the file's times, which are not needed.
+        // `sync_data` also writes the length of the file. It may omit the times of the file, which are not needed.
         let Err(source) = self.file.sync_data() else {
             self.synced = Synced::now(self.content.entries.len());
             return Ok(());
         };
-        // It is unknown which of these records are on disk. All are removed, and this process writes no more.
+        // It is unknown which records since the last sync are on disk. All of them are removed, and this process writes no more.
         self.broken = true;
         for entry in self.content.entries.split_off(self.synced.entries).iter().rev() {
             self.index.remove(&entry.key);
@@ -200,7 +199,7 @@ impl Journal {
         Err(self.unwritable(&source))
     }
 
-    /// Appends a note with this name. If there is one already, the note is not changed.
+    /// Appends a note with this name. An existing note with this name is not changed.
     pub fn note(&mut self, name: &str, payload: &[u8]) -> Result<()> {
         let key = self.note_key(name);
         // Reading the note reveals whether it is damaged.
@@ -239,7 +238,7 @@ impl Journal {
             .and_then(|_| (&self.file).write_all(&head))
             .and_then(|()| (&self.file).write_all(payload));
         if let Err(source) = written {
-            // The incomplete record is removed. If that fails, the next opening of the journal removes it.
+            // The incomplete record is removed. If this fails, the next opening of the journal removes it.
             self.broken = self.file.set_len(self.end).is_err();
             return Err(self.unwritable(&source));
         }
@@ -265,8 +264,8 @@ impl Journal {
 impl Drop for Journal {
     fn drop(&mut self) {
         if self.synced.entries < self.content.entries.len() {
-            // There is no caller to report an error to. A record that did not reach the disk fails its
-            // checksum later, and the photo is taken again.
+            // There is no caller to report an error to. A record that did not reach the disk fails its checksum later, and its photo is
+            // taken again.
             let _ = self.sync();
         }
     }
@@ -276,7 +275,7 @@ impl Drop for Journal {
 mod tests {
     use super::*;
 
-    /// A journal of one photo that now writes to `/dev/null`, which takes every byte and cannot be synced.
+    /// A journal of one photo whose file is now `/dev/null`, which accepts every byte and cannot be synced.
     fn unsyncable(folder: &Path) -> Journal {
         let mut journal = Journal::create(folder, &Identity::new()).expect("the folder can be written");
         let first = journal.key(&[b"first"]);
@@ -304,7 +303,7 @@ mod tests {
             let key = journal.key(&[name]);
             journal.append_buffered(Kind::Photo, key, b"", b"2")
         };
-        // A sync time in the future counts as recent, however slow this machine is.
+        // A sync time in the future counts as recent, even on a slow machine.
         journal.synced.at = Instant::now() + 100 * SYNC_INTERVAL;
         append(&mut journal, b"second").expect("nothing is synced");
         journal.synced.at =

@@ -1,24 +1,24 @@
-//! The format of a journal file: two copies of the header, in case one is damaged, and records of a head, metadata and a payload. A scan
-//! finds the records, the damaged parts, and an incomplete record at the end.
+//! The format of a journal file: two copies of the header, in case one is damaged, and records that consist of a head, metadata and a
+//! payload. Scanning a file finds the records, the damaged parts, and an incomplete record at the end.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 
 use super::{Identity, Key};
 
-/// The first bytes of a record. Like PNG's signature, they reveal a transfer that changed line ends or the eighth bit.
+/// The first bytes of a record. Like PNG's signature, they reveal a transfer that changed line ends or removed the eighth bit.
 const MARKER: [u8; 8] = *b"\x89klxrec\n";
 
 /// The length of a head in bytes, up to the metadata.
 const HEAD_BYTES: usize = 120;
 
-/// The largest length of metadata. A larger value in a head is damage.
+/// The maximum length of metadata. A head that states more is damaged.
 pub(super) const MAX_METADATA_BYTES: u32 = 1 << 20;
 
 /// The kind of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kind {
-    /// A projected pattern. The metadata of photos contain its key.
+    /// A projected pattern. The metadata of its photos contain its key.
     Pattern,
     /// A photo.
     Photo,
@@ -98,7 +98,7 @@ impl Head {
         (bytes[..8] == MARKER && head.metadata <= MAX_METADATA_BYTES).then_some(head)
     }
 
-    /// The entry of this head, if the checksum in `bytes` matches the identity, the head and the metadata.
+    /// The entry of this head, if the checksum in `bytes` is that of the identity, the head and the metadata.
     fn entry(
         &self,
         bytes: &[u8; HEAD_BYTES],
@@ -110,7 +110,7 @@ impl Head {
         if head_checksum(identity_hash, &bytes[..HEAD_BYTES - 32], &metadata) != bytes[HEAD_BYTES - 32..] {
             return None;
         }
-        // An end beyond 2⁶⁴ means damage, even if the checksum matches.
+        // If the end exceeds 2⁶⁴, the head is damaged, even if the checksum matches.
         offset.checked_add(HEAD_BYTES as u64 + u64::from(self.metadata))?.checked_add(self.payload)?;
         let key = Key::from_bytes(self.key);
         Some(Entry { kind, key, metadata, offset, length: self.payload, checksum: self.checksum })
@@ -152,7 +152,7 @@ const MAGIC: [u8; 8] = *b"\x89klxjrn\n";
 const VERSION: u32 = 1;
 /// The number of bytes before the identity.
 const FIXED_BYTES: usize = 48;
-/// The largest length of the identity. It bounds the search for the second copy when the length in the first one is damaged.
+/// The maximum length of the identity. If the length in the first copy is damaged, it bounds the search for the second copy.
 const MAX_IDENTITY_BYTES: usize = 1 << 16;
 
 #[derive(Debug, PartialEq, Eq)]
@@ -189,13 +189,13 @@ fn encode_once(version: u32, identity: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Reads the header from an undamaged copy in `bytes`, the start of the file.
+/// Reads the header from an undamaged copy in `bytes`, which are the first bytes of the file.
 pub(super) fn read_header(bytes: &[u8]) -> Header {
     for at in 0..bytes.len().min(FIXED_BYTES + MAX_IDENTITY_BYTES + 1) {
         match copy_at(&bytes[at..]) {
             Some((VERSION, encoded)) => {
                 let length = FIXED_BYTES + encoded.len();
-                // A copy that does not begin the file must be the second one, which starts where the first one ends.
+                // A copy that is not at the start of the file must be the second copy, which starts where the first copy ends.
                 if at != 0 && at != length {
                     continue;
                 }
@@ -211,7 +211,7 @@ pub(super) fn read_header(bytes: &[u8]) -> Header {
     Header::Unknown
 }
 
-/// The version and the encoded identity of the copy at the start of `bytes`; `None` if the copy is damaged.
+/// The version and the encoded identity of the header copy at the start of `bytes`; `None` if this copy is damaged.
 fn copy_at(bytes: &[u8]) -> Option<(u32, &[u8])> {
     let fixed = bytes.get(..FIXED_BYTES).filter(|fixed| fixed[..8] == MAGIC)?;
     let four = |at: usize| fixed[at..at + 4].try_into().map(u32::from_le_bytes).ok();
@@ -242,7 +242,7 @@ impl std::fmt::Display for Damage {
     }
 }
 
-/// An incomplete record at the end of a file. Its writer was killed.
+/// An incomplete record at the end of a file. Its writer was killed while writing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Torn {
     /// The offset in the file.
@@ -262,7 +262,7 @@ pub(super) struct Scan {
 enum Candidate {
     /// A record with a valid head.
     Record(Entry),
-    /// Bytes that may begin a record that extends beyond the end of the file.
+    /// Bytes that may start a record that would extend beyond the end of the file.
     Incomplete,
     Garbage,
 }
@@ -280,8 +280,8 @@ pub(super) fn scan(file: &File, identity_hash: &[u8; 32], start: u64, length: u6
             }
             other => other,
         };
-        // If bytes were lost inside the record before this offset, the next record begins inside what seems to be
-        // that record's payload. The search therefore starts at that payload.
+        // Suppose that bytes were lost inside the preceding record. The next record then starts within what seems to be the payload of the
+        // preceding record, so the search starts at that payload.
         let before = found.entries.last().filter(|entry| entry.end() == at);
         let from = before.map_or(at + 1, Entry::payload_at);
         match find_record(file, identity_hash, from, at, length)? {
@@ -316,7 +316,7 @@ pub(super) fn scan(file: &File, identity_hash: &[u8; 32], start: u64, length: u6
     Ok(found)
 }
 
-/// The damage of the bytes `from..to`, which contain no record.
+/// Describes the bytes `from..to`, which contain no record, as damage.
 fn unreadable(before: &[Entry], from: u64, to: u64) -> Damage {
     let record = match before.iter().rfind(|entry| entry.kind == Kind::Photo) {
         Some(_) => format!("the record after photo {}", count(before, Kind::Photo)),
@@ -351,7 +351,7 @@ fn read_head(file: &File, identity_hash: &[u8; 32], at: u64, length: u64) -> io:
     Ok(head.entry(&bytes, metadata, identity_hash, at).map_or(Candidate::Garbage, Candidate::Record))
 }
 
-/// The offset of the first record with a valid head at or after `from`, except at `except`.
+/// The offset of the first record with a valid head at or after `from`. A record at `except` is ignored.
 fn find_record(
     file: &File,
     identity_hash: &[u8; 32],
@@ -375,7 +375,7 @@ fn find_record(
                 return Ok(Some(place));
             }
         }
-        // A marker may lie across two chunks.
+        // A marker may extend across two chunks.
         at += (size + 1).saturating_sub(MARKER.len()).max(1) as u64;
     }
     Ok(None)
@@ -392,7 +392,7 @@ mod tests {
 
     use super::*;
 
-    /// The head of a photo that states a payload of this many bytes, with a matching checksum.
+    /// The head of a photo that states a payload of this many bytes. Its checksum matches.
     fn head_of(payload: u64, metadata: &[u8]) -> ([u8; HEAD_BYTES], Vec<u8>) {
         let (bytes, _) = encode(&[7; 32], Kind::Photo, Key::of(&[b"key"]), metadata, b"", 0);
         let mut head: [u8; HEAD_BYTES] = bytes[..HEAD_BYTES].try_into().expect("a head is that long");
@@ -468,14 +468,14 @@ mod tests {
 
     const IDENTITY: [u8; 32] = [3; 32];
 
-    /// The file is searched in chunks of 64 KiB. A record is found wherever its marker lies relative to them.
+    /// The file is searched in chunks of 64 KiB. A record must be found at any position of its marker relative to the chunks.
     #[test]
     fn a_record_behind_damage_is_found_when_its_marker_lies_across_two_chunks() {
         // The search begins one byte after the start of the damage.
         let starts =
             [0, 1000].into_iter().flat_map(|start| (0..=MARKER.len()).map(move |before| (start, before)));
         for (start, before_boundary) in starts {
-            // A disk that lost its writes leaves zeros. They fill the file from the start of the search.
+            // If a disk lost its writes, the file has zeros there. Here they fill the file from the start of the search.
             let mut bytes = vec![0; start + 1 + (1 << 16) - before_boundary];
             let place = bytes.len() as u64;
             let (head, entry) = encode(&IDENTITY, Kind::Photo, Key::of(&[b"photo"]), b"m", b"light", place);

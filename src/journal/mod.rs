@@ -1,14 +1,14 @@
-//! Journals: append-only files of photos.
+//! Journals, which are append-only files of photos.
 //!
-//! Photos are expensive, so a run appends each photo to its journal before it uses it. A run that was killed can be
-//! resumed from its journal without taking a photo twice. A finished run can be replayed from its journal without the
-//! rig, with the same or another analysis. A journal stores keys and bytes. The writers define their meaning:
-//! [`crate::measure::JournaledFrames`] for a rig, [`crate::transport::JournaledOperator`] for a scene.
+//! Photos are expensive, so a run appends each photo to its journal before using it. If a run was killed, it can be resumed from its
+//! journal without taking a photo twice. A finished run can be replayed from its journal without the rig, with the same analysis or with
+//! another. A journal stores keys and bytes. The writers define the meaning of these bytes: [`crate::measure::JournaledFrames`] for a rig,
+//! [`crate::transport::JournaledOperator`] for a scene.
 //!
 //! # File format
 //!
-//! A journal is a folder with the file `photos.journal` and a lock file. The writer holds the lock. The journal file
-//! consists of two copies of the header, followed by the records:
+//! A journal is a folder with the file `photos.journal` and a lock file. The writer holds the lock. The journal file consists of two copies
+//! of the header, followed by the records:
 //!
 //! ```text
 //! header   magic 8 · version u32 · length u32 · BLAKE3 of these and the identity 32 · identity, JSON
@@ -16,10 +16,10 @@
 //!          · BLAKE3 of the identity, of all before, and of the metadata 32 · metadata, JSON · payload
 //! ```
 //!
-//! The numbers are lengths in bytes. Integers are little-endian. The [`Identity`] names everything that all photos
-//! depend on. A journal with another identity is refused. The head is the part of a record before its metadata. Its
-//! checksum shows whether its lengths are valid. If they are not, reading continues at the next marker with a valid
-//! head. Opening a journal checks all heads but reads no payload; a payload is checked when it is read.
+//! The numbers are lengths in bytes. Integers are little-endian. The [`Identity`] names everything on which all photos depend. A journal
+//! with another identity is refused. The head of a record is the part before its metadata. A checksum in the head shows whether the lengths
+//! in the head are valid. If they are not, reading continues at the next marker with a valid head. Opening a journal checks all heads but
+//! reads no payload. A payload is checked when it is read.
 //!
 //! # Faults
 //!
@@ -41,13 +41,12 @@ use serde::{Deserialize, Serialize};
 pub use file::{Journal, Stored};
 pub use format::{Damage, Entry, Kind, Torn};
 
-/// The key of a record: the BLAKE3 hash of everything that the photo, pattern or note depends on.
+/// The key of a record: the BLAKE3 hash of everything on which the photo, pattern or note depends.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Key([u8; 32]);
 
 impl Key {
-    /// The key of these parts. The parts' lengths are hashed, too, so different lists with equal concatenations have
-    /// different keys.
+    /// The key of these parts. The lengths of the parts are hashed, too, so different lists with equal concatenations have different keys.
     pub fn of(parts: &[&[u8]]) -> Self {
         let mut hasher = blake3::Hasher::new();
         for part in parts {
@@ -85,8 +84,8 @@ impl fmt::Debug for Key {
     }
 }
 
-/// An ordered list of named values on which all photos of a journal depend, such as the hashes of rig file and
-/// calibration, or of a scene and the tracer's settings. Two photos have the same source if all values are equal.
+/// An ordered list of named values on which all photos of a journal depend, such as the hashes of rig file and calibration, or of a scene
+/// and the tracer's settings. Two photos have the same source if all values are equal.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Identity(Vec<(String, String)>);
@@ -97,7 +96,7 @@ impl Identity {
         Self::default()
     }
 
-    /// Adds a part. Error messages call it `name` when two values differ.
+    /// Adds a part. If two values differ, error messages call the part `name`.
     #[must_use]
     pub fn with(mut self, name: &str, value: impl ToString) -> Self {
         self.0.push((name.into(), value.to_string()));
@@ -109,7 +108,7 @@ impl Identity {
         self.0.iter().find(|(part, _)| part == name).map(|(_, value)| value.as_str())
     }
 
-    /// Descriptions of the parts in which `other` differs.
+    /// Descriptions of the parts whose values differ in `other`.
     pub fn differences(&self, other: &Self) -> Vec<String> {
         let mut names: Vec<&str> = self.0.iter().map(|(name, _)| name.as_str()).collect();
         names.extend(other.0.iter().map(|(name, _)| name.as_str()).filter(|name| self.get(name).is_none()));
@@ -126,7 +125,7 @@ impl Identity {
     }
 
     pub(super) fn encode(&self) -> Vec<u8> {
-        // Encoding a list of pairs of strings cannot fail.
+        // A list of pairs of strings can always be encoded.
         serde_json::to_vec(self).unwrap_or_default()
     }
 
@@ -155,7 +154,7 @@ mod tests {
             ["rig file (then 000000000000…, now ffffffffffff…)", "calibration (then none, now `ideal`)"]
         );
         assert!(then.differences(&then).is_empty());
-        // Only hashes of 64 hexadecimal digits are shortened, not other words of that length and not other lengths.
+        // Only hashes, which have 64 hexadecimal digits, are shortened. Other words of that length and digits of other lengths are not.
         let [word, short] = ["z".repeat(64), "0".repeat(63)];
         let now = then.clone().with("word", word.clone()).with("short", short.clone());
         assert_eq!(

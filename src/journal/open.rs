@@ -1,4 +1,4 @@
-//! Creating, resuming and opening journals, and the lock that admits one writer at a time.
+//! Creates, resumes and opens journals. A lock admits only one writer at a time.
 
 use std::fs::{File, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -15,7 +15,7 @@ const FILE: &str = "photos.journal";
 const LOCK: &str = "lock";
 
 impl Journal {
-    /// Whether a folder holds a journal.
+    /// Whether a folder contains a journal.
     pub fn is_in(folder: &Path) -> bool {
         !matches!(file::kind(&folder.join(FILE)), Ok(None))
     }
@@ -23,8 +23,8 @@ impl Journal {
     /// Creates a journal in this folder. The folder is created if it does not exist.
     ///
     /// # Errors
-    /// [`Error::Journal`] when the folder has a journal already, when another process writes it, or when the
-    /// file cannot be written; [`Error::Write`] when the folder cannot be created.
+    /// [`Error::Journal`] if the folder already has a journal, if another process writes it, or if the file cannot be written;
+    /// [`Error::Write`] if the folder cannot be created.
     pub fn create(folder: &Path, identity: &Identity) -> Result<Self> {
         let (path, lock) = lock_folder(folder)?;
         if Self::is_in(folder) {
@@ -34,13 +34,12 @@ impl Journal {
         create_file(path, lock, identity)
     }
 
-    /// Opens the journal in this folder for appending, or creates it if there is none. An incomplete record
-    /// at its end is cut off (see [`Journal::torn`]).
+    /// Opens the journal in this folder for appending, or creates it if there is none. An incomplete record at its end is removed (see
+    /// [`Journal::torn`]).
     ///
     /// # Errors
-    /// [`Error::Journal`] when the journal has another identity (the message names the parts that differ),
-    /// when both copies of its header are damaged, when another process writes it, or when it cannot be
-    /// written; [`Error::Read`], [`Error::Write`].
+    /// [`Error::Journal`] if the journal has another identity (the message names the parts that differ), if both copies of its header are
+    /// damaged, if another process writes it, or if it cannot be written; [`Error::Read`], [`Error::Write`].
     pub fn resume(folder: &Path, identity: &Identity) -> Result<Self> {
         let (path, lock) = lock_folder(folder)?;
         if !Self::is_in(folder) {
@@ -58,11 +57,11 @@ impl Journal {
         journal.truncate_torn_end()
     }
 
-    /// Opens the journal in this folder for reading only. It changes nothing and takes no lock. Another
-    /// process may write the journal at the same time, but records that are appended later are not seen.
+    /// Opens the journal in this folder only for reading. The file is not changed, and no lock is taken. Another process may write the
+    /// journal at the same time, but records that it appends later are not seen here.
     ///
     /// # Errors
-    /// [`Error::Journal`] when both copies of its header are damaged; [`Error::Read`].
+    /// [`Error::Journal`] if both copies of its header are damaged; [`Error::Read`].
     pub fn read_only(folder: &Path) -> Result<Self> {
         file::follow_no_links_below(folder);
         let path = folder.join(FILE);
@@ -87,7 +86,7 @@ fn lock_folder(folder: &Path) -> Result<(PathBuf, File)> {
     Ok((folder.join(FILE), lock))
 }
 
-/// Creates a journal file with a header. The file appears under its name only after the header is on disk.
+/// Creates a journal file with a header. The file gets its name only after the header is on disk.
 fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal> {
     if !format::fits_header(identity) {
         return Err(Error::journal(path, "its identity is longer than 64 KiB")
@@ -97,7 +96,7 @@ fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal
     let write = || {
         file::atomic::write_bytes(&path, &header)?;
         let file = file::open_to_change(&path)?;
-        // The folder's entry for the file and the parent's entry for the folder must also survive a crash.
+        // Two folder entries must also survive a crash: that of the file in the folder, and that of the folder in its parent.
         let folder = path.parent().unwrap_or(Path::new("."));
         let parent = folder.parent().filter(|parent| !parent.as_os_str().is_empty());
         let sync = |folder: &Path| File::open(folder).and_then(|folder| folder.sync_all());
@@ -111,7 +110,7 @@ fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal
     open(path, file, Some(lock))
 }
 
-/// Opens a journal file, and reads its header and all heads. A lock holder repairs a damaged header.
+/// Opens a journal file, and reads its header and all heads. If this process has the lock, it repairs a damaged header.
 fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     let length = file.metadata().map_err(Error::reading(&path))?.len();
     let mut start = Vec::new();
@@ -152,7 +151,7 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     Ok(Journal { path, file, lock, identity, identity_hash, content, index, end, broken: false, synced })
 }
 
-/// Takes the journal's lock. The system releases it when the file is closed, however the process ends.
+/// Takes the journal's lock. However this process ends, the system then closes the file and releases the lock.
 fn take_lock(path: &Path) -> Result<File> {
     let unusable = |source: std::io::Error| {
         Error::journal(path, format!("a journal cannot be written here: {source}"))
@@ -163,7 +162,7 @@ fn take_lock(path: &Path) -> Result<File> {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {
             let mut holder = String::new();
-            // Only the message needs the process id, so an error is ignored.
+            // An error is ignored, because only the message needs the process id.
             let _ = file.read_to_string(&mut holder);
             let holder = holder.trim();
             let who = if holder.is_empty() { "another process".into() } else { format!("process {holder}") };
@@ -172,13 +171,13 @@ fn take_lock(path: &Path) -> Result<File> {
         }
         Err(TryLockError::Error(source)) => return Err(unusable(source)),
     }
-    // Only messages need the process id. If the disk is full, writing the journal itself reports that.
+    // An error is ignored, because only messages need the process id. If the disk is full, writing the journal reports it.
     let _ = file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id()));
     Ok(file)
 }
 
-/// Tries for half a second to take the lock. A lock may outlive its holder for a moment: until the system has
-/// cleaned up after a killed process, or until a forked child process has started its own program.
+/// Tries for half a second to take the lock. A lock may outlive its holder for a moment: until the system has cleaned up a killed process,
+/// or until a forked child process has started its own program.
 fn lock_with_retries(file: &File) -> std::result::Result<(), TryLockError> {
     for _ in 0..50 {
         match file.try_lock() {

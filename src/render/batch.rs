@@ -1,4 +1,4 @@
-//! The results of one dispatch: the records of consecutive light paths, and their layout.
+//! The results of one dispatch: the records of consecutive light paths, and the layout of these records.
 
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ pub struct Run {
     pub paths: Range<usize>,
 }
 
-/// A batch that can be sent to another process.
+/// A batch in a form that can be sent to another process.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(crate) struct Recorded {
     first_path: u64,
@@ -26,7 +26,7 @@ pub(crate) struct Recorded {
     records: Vec<[u32; 4]>,
 }
 
-/// Stores records as raw bytes. Word by word, serialization would take an eighth more processor time for a photo that two processes trace.
+/// Serializes records as raw bytes. Serializing word by word would take an eighth more processor time for a photo that two processes trace.
 mod as_bytes {
     use serde::{Deserialize, Deserializer, Serializer};
 
@@ -47,8 +47,8 @@ impl Recorded {
 
 /// Records of consecutive paths from one endpoint of the rig.
 ///
-/// Paths are numbered `pixel · samples + sample`. Batches arrive in that order, without gaps. Where the projector stands apart from the
-/// camera, the batches of the projector's paths follow the batches of the camera's paths.
+/// Paths are numbered `pixel · samples + sample`. Batches arrive in the order of these numbers, without gaps. If the projector stands apart
+/// from the camera, the batches of the projector's paths follow the batches of the camera's paths.
 pub struct Batch<'a> {
     first_path: u64,
     layout: RecordLayout,
@@ -62,8 +62,8 @@ impl<'a> Batch<'a> {
         Self::merged(first_path, layout, records.len() / layout.stride(), (records, None))
     }
 
-    /// The batch of `paths` paths whose connections are in `merged`. `records` holds the paths' first slots at least, and those of ambient
-    /// light.
+    /// A batch of `paths` paths whose connections the device has merged into the terms `merged`. `records` holds at least the paths' first
+    /// slots, and those of ambient light.
     pub(super) fn merged(
         first_path: u64,
         layout: RecordLayout,
@@ -73,7 +73,7 @@ impl<'a> Batch<'a> {
         Self { first_path, layout, paths, records, merged }
     }
 
-    /// The terms that the device made of the connections, if it did. The paths then have no connections here.
+    /// The terms into which the device merged the connections, if it did. The paths then have no connections here.
     pub(crate) fn terms(&self) -> Option<Merged<'a>> {
         self.merged
     }
@@ -95,7 +95,7 @@ impl<'a> Batch<'a> {
     /// All paths in order, grouped by pixel and half.
     pub fn runs(&self) -> impl Iterator<Item = Run> + '_ {
         let samples = u64::from(self.layout.samples);
-        // Both fit: there are at most 2²⁰ samples, and pixels have 28 bits.
+        // Both numbers fit their types: there are at most 2²⁰ samples, and pixels have 28 bits.
         let (mut pixel, mut sample) =
             ((self.first_path / samples) as u32, (self.first_path % samples) as usize);
         let (samples, halfway) = (samples as usize, samples.div_ceil(2) as usize);
@@ -119,8 +119,8 @@ impl<'a> Batch<'a> {
         ((self.first_path + index as u64) / u64::from(self.layout.samples)) as u32
     }
 
-    /// Whether each connection counts for `A_ji` and for its mirror image `A_ij`. This is so for a coaxial
-    /// rig. Where the projector stands apart, paths are traced from both endpoints instead.
+    /// Whether each connection counts for `A_ji` and for its mirror image `A_ij`. This is true for a coaxial rig. If the projector stands
+    /// apart, paths are traced from both endpoints instead.
     pub fn symmetric(&self) -> bool {
         self.layout.symmetric
     }
@@ -130,7 +130,7 @@ impl<'a> Batch<'a> {
         self.layout.from_camera
     }
 
-    /// Slots in each path's record, an upper bound of its contributions.
+    /// The number of slots of each path's record. It is an upper bound of the path's contributions.
     pub(crate) fn stride(&self) -> usize {
         self.layout.stride()
     }
@@ -140,8 +140,8 @@ impl<'a> Batch<'a> {
         self.layout.samples
     }
 
-    /// The sample of `A_jj` by path `index`: direct light, which returns the way it came, also by mirrors and through glass. It is zero
-    /// where the ray met nothing, in rigs with lenses, and in rigs with a projector that stands apart.
+    /// The sample of `A_jj` by path `index`: direct light that returns along its own path, possibly through mirrors and glass. It is zero
+    /// if the ray hit nothing, in rigs with lenses, and in rigs with a projector that stands apart.
     pub fn direct(&self, index: usize) -> [f32; 3] {
         value(self.slot(index, 0))
     }
@@ -151,7 +151,8 @@ impl<'a> Batch<'a> {
         self.layout.ambient
     }
 
-    /// The light that the scene itself emits towards path `index`, in W/(m² sr); `None` without emission, and for paths from the projector.
+    /// The light that the scene itself emits towards path `index`, in W/(m² sr). It is `None` for scenes without emission, and for paths
+    /// from the projector.
     pub fn ambient(&self, index: usize) -> Option<[f32; 3]> {
         self.layout.ambient.then(|| value(self.slot(index, self.layout.stride() - 1)))
     }
@@ -161,7 +162,7 @@ impl<'a> Batch<'a> {
         self.connections_from(self.pixel(index), index)
     }
 
-    /// The same as [`Batch::connections`], for a caller that already knows from [`Batch::runs`] that the path starts from `pixel`.
+    /// Works like [`Batch::connections`]. The caller already knows from [`Batch::runs`] that the path starts from `pixel`.
     pub fn connections_from(&self, pixel: u32, index: usize) -> impl Iterator<Item = Connection> + '_ {
         let from_camera = self.layout.from_camera;
         self.ends(index).filter(|end| end.is_seen).map(move |end| {
@@ -185,7 +186,7 @@ impl<'a> Batch<'a> {
         rays(self.slot(index, 0))
     }
 
-    /// The number of paths that the device never finished, because their records do not carry `mark`; and the number of rays of all paths.
+    /// The number of paths whose records do not carry `mark`, because the device never finished them; and the number of rays of all paths.
     pub(super) fn unfinished_and_rays(&self, mark: u32) -> (u64, u64) {
         let count = |heads: &[[u32; 4]]| {
             heads.iter().fold((0, 0), |(unfinished, sum), head| {
@@ -202,17 +203,18 @@ impl<'a> Batch<'a> {
     }
 }
 
-/// A path's connection from its `k`-th surface to the other end of the rig.
+/// A path's connection from its `k`-th surface to the other endpoint of the rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Connection {
-    /// Camera pixel `j`, in which the light arrives.
+    /// The camera pixel `j`, at which the light arrives.
     pub camera: u32,
-    /// Projector pixel `i`, from which the light comes.
+    /// The projector pixel `i`, from which the light comes.
     pub projector: u32,
     /// Number of surfaces on the path, `k`.
     pub bounces: u32,
-    /// The weighted estimate `a · F/(p_f + p_r)` per channel (balance heuristic; `a` is the area of a camera pixel on the image plane): the
-    /// contribution to `A_ji`, and in a coaxial rig also to `A_ij`. It is not yet divided by the number of samples.
+    /// The weighted estimate `a · F/(p_f + p_r)` per channel, where `F` is the path's contribution, `p_f` and `p_r` are its densities from
+    /// either endpoint (balance heuristic), and `a` is the area of a camera pixel on the image plane. It contributes to `A_ji`, and in a
+    /// coaxial rig also to `A_ij`. It is not yet divided by the number of samples.
     pub value: [f32; 3],
 }
 
@@ -221,9 +223,9 @@ pub struct Connection {
 pub(super) struct RecordLayout {
     pub(super) samples: u32,
     pub(super) max_bounces: u32,
-    /// The connection from the first surface is the direct light, which is stored in the head instead of a slot.
+    /// The connection from the first surface is the direct light, and is stored in the head of the record instead of a slot.
     pub(super) direct: bool,
-    /// There are gathered connections, through specular chains of the other endpoint.
+    /// The record has gathered connections, which pass through specular chains of the other endpoint.
     pub(super) gathers: bool,
     pub(super) ambient: bool,
     /// The rig is coaxial: camera and projector are one lens.
@@ -232,8 +234,8 @@ pub(super) struct RecordLayout {
 }
 
 impl RecordLayout {
-    /// Number of slots of a path: head, connections, gathered connections, ambient light. The records of a
-    /// batch hold the first slots of all paths, then their second slots, and so on.
+    /// The number of slots of a path: head, connections, gathered connections, ambient light. The records of a batch hold the first slots
+    /// of all paths, then their second slots, and so on.
     pub(crate) fn stride(&self) -> usize {
         self.gathered(2)
             + if self.gathers { self.max_bounces as usize - 1 } else { 0 }
@@ -255,14 +257,14 @@ impl RecordLayout {
     }
 }
 
-/// The far end of a connection, as the record of its path holds it.
+/// The far end of a connection, decoded from the record of its path.
 pub(crate) struct End {
-    /// The connection exists. Otherwise the other members have no meaning.
+    /// Whether the connection exists. If not, the other members have no meaning.
     pub(crate) is_seen: bool,
     pub(crate) pixel: u32,
-    /// The same as in [`Connection`].
+    /// The same value as in [`Connection`].
     pub(crate) bounces: u32,
-    /// The same as in [`Connection`].
+    /// The same value as in [`Connection`].
     pub(crate) value: [f32; 3],
 }
 
@@ -277,7 +279,7 @@ impl End {
     }
 }
 
-/// Bits of a word that hold a pixel. The other bits hold the number of surfaces of the far chain.
+/// The number of bits of a word that hold a pixel. The other bits hold the number of surfaces of the far specular chain.
 const PIXEL_BITS: u32 = 28;
 pub(crate) const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
 
@@ -293,7 +295,7 @@ pub(super) fn value(slot: [u32; 4]) -> [f32; 3] {
 mod tests {
     use super::*;
 
-    /// Two paths of at most three surfaces, with ambient light.
+    /// A batch of paths of at most three surfaces, with ambient light.
     pub(crate) fn batch(records: &[[u32; 4]]) -> Batch<'_> {
         let layout = RecordLayout {
             samples: 4,
@@ -376,7 +378,7 @@ mod tests {
     fn a_path_without_the_dispatchs_mark_is_unfinished() {
         let mut records = records();
         assert_eq!(batch(&records).unfinished_and_rays(MARK).0, 0);
-        // The mark of an earlier dispatch.
+        // The record carries the mark of an earlier dispatch.
         records[1][0] = 4 << 16 | 5 << 8 | 3;
         assert_eq!(batch(&records).unfinished_and_rays(MARK).0, 1);
         records[0][0] = 0;

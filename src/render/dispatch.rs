@@ -1,4 +1,4 @@
-//! The size of dispatches, which follows from their measured time, and paths that the driver leaves unfinished.
+//! The size of dispatches, which depends on their measured time, and the error for paths that the driver leaves unfinished.
 
 use std::collections::HashMap;
 use std::num::NonZero;
@@ -11,30 +11,31 @@ use super::pairs::Pair;
 use crate::error::Error;
 use crate::gpu::Gpu;
 
-/// The target time of a dispatch: short enough for progress, cancellation and a GPU's watchdog, and so long that overhead does not matter.
+/// The target time of a dispatch: short enough for progress, cancellation and a GPU's watchdog, and long enough to make overhead
+/// negligible.
 const TARGET: Duration = Duration::from_millis(100);
 
-/// The most bytes of records that a dispatch writes: enough paths to keep a GPU busy.
+/// The maximum number of bytes of records that a dispatch writes. So many paths keep a GPU busy.
 const RECORD_BYTES: u64 = 64 << 20;
 
-/// The same where the device is the processor itself, whose caches should hold the records.
+/// The same limit for a device that is the processor itself. The processor's caches should hold the records.
 const RECORD_BYTES_IN_CACHE: u64 = 8 << 20;
 
-/// The most paths of one dispatch: 65,535 workgroups of 64.
+/// The maximum number of paths of one dispatch: 65,535 workgroups of 64.
 pub(super) const MAX_PATHS: u32 = 65_535 * 64;
 
-/// The most surfaces that all paths of one invocation meet together. Software Vulkan stops an invocation after 65,535 loop iterations.
-/// In a scene of a million triangles, an invocation still met a thousand surfaces.
+/// The maximum number of surfaces that all paths of one invocation hit together. Software Vulkan stops an invocation after 65,535 loop
+/// iterations. Even in a scene of a million triangles, an invocation reached a thousand surfaces within this limit.
 const SURFACES_OF_INVOCATION: u32 = 384;
 
 const MAX_PATHS_PER_INVOCATION: u32 = 64;
 
-/// The most paths that one invocation may trace, one after the other.
+/// The maximum number of paths that one invocation traces, one after the other.
 ///
-/// Software Vulkan executes eight invocations in lockstep. With one path each, all would wait for the longest of eight paths. With
-/// several paths each, an invocation starts its next path instead. One path each is faster in three cases: where paths gather photons,
-/// since lanes of one pixel then read the same ones; where rays test each of a few triangles, since compiling takes longer than it
-/// saves; and on a GPU, which switches to other invocations while one waits. Measurements: guide/src/right/speed.md.
+/// Software Vulkan executes eight invocations in lockstep. With one path each, all eight would wait for the longest path. With several
+/// paths each, an invocation starts its next path instead of waiting. One path each is faster in three cases: if paths gather photons,
+/// because the lanes of one pixel then read the same photons; if rays test each of a few triangles, because compiling the loop takes longer
+/// than the loop saves; and on a GPU, which runs other invocations while one waits. Measurements: guide/src/right/speed.md.
 pub(super) fn max_paths_per_invocation(
     gpu: &Gpu,
     scene: &SceneFeatures,
@@ -60,14 +61,15 @@ pub(super) struct Dispatches {
 }
 
 impl Dispatches {
-    /// A mark for the next dispatch, in the upper 16 bits. It is not 0, and differs from the last 65,534 marks.
+    /// A mark for the next dispatch, in the upper 16 bits. It is not 0, and it differs from the last 65,534 marks.
     pub(super) fn mark(&mut self) -> u32 {
         self.count = self.count % 0xffff + 1;
         self.count << 16
     }
 
-    /// The most paths of one dispatch, of `total` paths. Each path has `stride` slots of 16 bytes, and each invocation traces up to
-    /// `per_invocation` paths. On a processor, all cores get the same number of workgroups, if there is at least one for each.
+    /// The maximum number of paths of one dispatch, for a trace of `total` paths. Each path has `stride` slots of 16 bytes, and each
+    /// invocation traces up to `per_invocation` paths. On a processor, all cores get the same number of workgroups, unless there are fewer
+    /// workgroups than cores.
     pub(super) fn capacity(&self, gpu: &Gpu, stride: u64, per_invocation: u32, total: u64) -> u32 {
         let target = if gpu.shares_memory { RECORD_BYTES_IN_CACHE } else { RECORD_BYTES };
         let bytes = target.min(gpu.summary.max_storage_binding).min(gpu.summary.max_buffer);
@@ -92,26 +94,27 @@ impl PathWork {
     }
 }
 
-/// Sizes the dispatches of one kernel: the measured time of a dispatch determines the number of paths of the next one. A tracer keeps
-/// the sizer between traces, so that only the first trace has to find the size.
+/// Chooses the number of paths of one kernel's dispatches: the measured time of a dispatch determines the number of paths of the next one.
+/// A tracer keeps the sizer between traces, so only the first trace has to search for this number.
 #[derive(Debug, Default)]
 pub(super) struct DispatchSizer {
-    /// Target number of paths; `None` before the first dispatch, whose time says nothing because it compiles the pipeline.
+    /// The target number of paths. It is `None` before the first dispatch, whose time is not used because it includes compiling the
+    /// pipeline.
     target: Option<u32>,
     work: Option<PathWork>,
-    /// Whether each invocation traces one path, because the driver stopped invocations with several.
+    /// Whether each invocation traces only one path, because the driver stopped invocations with several paths.
     one_path_each: bool,
 }
 
 impl DispatchSizer {
     /// Number of paths of the dispatch that compiles the pipeline.
     const COLD: u32 = 64;
-    /// Number of paths of the first dispatch whose time counts.
+    /// Number of paths of the first dispatch whose time is used.
     const FIRST: u32 = 4096;
-    /// The largest factor by which one measurement increases the size. It is limited because the next paths may take longer.
+    /// The maximum factor by which one measurement increases the number of paths. It is limited because the next paths may take longer.
     const GROWTH: f64 = 16.0;
 
-    /// Prepares for a trace of such paths. If they differ from the paths of the last trace, the search for the size starts again.
+    /// Prepares for a trace of paths of this kind. If the last trace had another kind, the search for the number of paths starts again.
     pub(super) fn begin(&mut self, work: PathWork) {
         if self.work.replace(work) != Some(work) {
             self.one_path_each = false;
@@ -123,7 +126,8 @@ impl DispatchSizer {
         self.target.unwrap_or(Self::COLD).min(most)
     }
 
-    /// Number of paths per invocation of a dispatch of `paths`, at most `most`. Each core gets four workgroups, so that all end together.
+    /// The number of paths per invocation, at most `most`, in a dispatch of `paths` paths. Each core gets four workgroups, so that all
+    /// cores finish together.
     pub(super) fn paths_per_invocation(&self, paths: u32, most: u32) -> u32 {
         paths.div_ceil(64 * 4 * cores()).clamp(1, if self.one_path_each { 1 } else { most })
     }
@@ -132,7 +136,8 @@ impl DispatchSizer {
         self.one_path_each = true;
     }
 
-    /// The most dispatches that should be in flight: two once their size has been measured, so that the device does not wait for the host.
+    /// The maximum number of dispatches in flight: two once the number of paths has been measured, so that the device need not wait for the
+    /// host.
     pub(super) fn max_in_flight(&self) -> usize {
         if self.target.is_some() { 2 } else { 1 }
     }
@@ -143,8 +148,8 @@ impl DispatchSizer {
             return;
         };
         let factor = TARGET.as_secs_f64() / elapsed.as_secs_f64().max(1e-6);
-        // A dispatch smaller than the target (a trace's last one, or one at the capacity) is mostly overhead. It only shows whether
-        // the target is too large.
+        // In a dispatch smaller than the target (the last one of a trace, or one at the capacity), overhead dominates. Its time can only
+        // show that the target is too large.
         if paths < target && factor >= 1.0 {
             return;
         }
@@ -156,13 +161,14 @@ impl DispatchSizer {
 /// The number of loop iterations after which software Vulkan ends an invocation without an error.
 const MAX_ITERATIONS: usize = 65_535;
 
-/// The least number of triangles in one place that may be the reason. A path of several bounces meets the place several times.
+/// The minimum number of triangles in one place that counts as the reason. It is smaller than the limit of iterations, because a path of
+/// several bounces passes the place several times.
 const PILE: usize = MAX_ITERATIONS / 16;
 
-/// The scene's diagonal divided by the smallest difference between two places.
+/// The scene's diagonal, divided by the smallest distance at which two places count as different.
 const CELLS: f32 = 1000.0;
 
-/// The error for light paths that never finished. It names the reason if the scene shows it: triangles piled up in one place.
+/// The error for light paths that never finished. If triangles are piled up in one place, the error names this as the reason.
 pub(super) fn unfinished_paths(unfinished: u64, total: u64, scene: &GpuScene) -> Error {
     let (pile, size) = highest(&scene.pairs_in_order);
     let size = size * scene.unit.metres;
@@ -177,7 +183,7 @@ pub(super) fn unfinished_paths(unfinished: u64, total: u64, scene: &GpuScene) ->
     Error::UnfinishedPaths { unfinished, total, help }
 }
 
-/// The largest number of triangles whose boxes are equal up to a thousandth of the scene's size, and the diagonal of that box.
+/// The largest number of triangles whose boxes are equal up to a thousandth of the scene's size, and the diagonal of their common box.
 fn highest(pairs: &[Pair]) -> (usize, f64) {
     let all = pairs.iter().map(Pair::extent).reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]);
     let cell = all.map_or(1.0, |[low, high]| low.distance(high) / CELLS).max(f32::MIN_POSITIVE);

@@ -12,7 +12,8 @@ use crate::scene::bvh::Bvh;
 use crate::scene::place::Distances;
 use crate::scene::{AlphaMode, Camera, Material, Scene, Triangle};
 
-/// The most triangles of a scene that is traced without a search tree. Visiting a node costs as much as testing several triangles.
+/// The maximum number of triangles of a scene that is traced without a search tree. Visiting a node of the tree takes as long as testing
+/// several triangles.
 const FEW_TRIANGLES: usize = 8;
 
 /// A scene on the device. The first seven members are bindings 1 to 7 of group 0, in this order.
@@ -24,7 +25,7 @@ pub(super) struct GpuScene {
     pub(super) textures: wgpu::Buffer,
     pub(super) texels: wgpu::TextureView,
     pub(super) srgb_table: wgpu::Buffer,
-    /// The triangles in the camera's frame, in the order of the tree's leaves.
+    /// The pairs of triangles in the camera's frame, in the order of the tree's leaves.
     pub(super) pairs_in_order: Vec<Pair>,
     pub(super) unit: Unit,
     pub(super) ambient: bool,
@@ -32,7 +33,7 @@ pub(super) struct GpuScene {
 }
 
 impl GpuScene {
-    /// Builds the search tree and moves the scene to the device. Fails with [`crate::Error::Device`] where the scene does not fit.
+    /// Builds the search tree and moves the scene to the device. Fails with [`crate::Error::Device`] if the scene does not fit.
     pub(super) fn upload(gpu: &Gpu, scene: &Scene) -> Result<Self> {
         let unit = Unit::of(scene);
         let frame = CameraFrame::of(&scene.camera, unit);
@@ -50,7 +51,7 @@ impl GpuScene {
         if spread_out <= gpu.summary.max_texture_side as usize {
             features.small_tree = true;
             nodes = spread::<5, 8>(&nodes);
-            // The value is at most the device's limit, which has 32 bits.
+            // The value is at most the device's limit, which is a 32-bit number.
             row = spread_out as u32;
         }
 
@@ -70,7 +71,7 @@ impl GpuScene {
     }
 }
 
-/// Pads each record of `FROM` texels with zeros to `TO` texels. With a power of two, a shift finds the first texel of a record.
+/// Pads each record of `FROM` texels with zeros to `TO` texels. If `TO` is a power of two, a shift gives the first texel of a record.
 fn spread<const FROM: usize, const TO: usize>(texels: &[[u32; 4]]) -> Vec<[u32; 4]> {
     let records = texels.as_chunks::<FROM>().0.iter();
     records.flat_map(|record| (0..TO).map(|at| record.get(at).copied().unwrap_or_default())).collect()
@@ -84,10 +85,10 @@ fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
         m.metallic == 0.0 && m.specular == 0.0 && !m.lets_light_through() && m.alpha_mode == AlphaMode::Opaque
     };
     let transmits = scene.materials.iter().any(Material::lets_light_through);
-    // A rough surface has microfacets if its normal is turned or it borders on a medium. A texture only makes it smoother.
+    // A rough surface has microfacets if its normal is turned or it borders on a medium. Textures cannot make a surface rougher.
     let facets = |m: &Material| m.roughness * m.roughness >= MIN_ALPHA && (corners || transmits || !matte(m));
     SceneFeatures {
-        // Normals at the corners turn even a Lambertian surface's shading normal.
+        // Normals at the corners turn even the shading normal of a Lambertian surface.
         matte: !corners && scene.materials.iter().all(matte),
         corners,
         facets: scene.materials.iter().any(facets),
@@ -100,8 +101,8 @@ fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
     }
 }
 
-/// The camera's frame, in units: the camera is at the origin and looks along −z. The change of frame is computed in `f64` and so rounds
-/// only once.
+/// The camera's frame, in the tracer's units: the camera is at the origin and looks along −z. The change of frame is computed in `f64`, so
+/// coordinates are rounded only once.
 struct CameraFrame {
     rotation: DMat3,
     origin: DVec3,
@@ -124,10 +125,10 @@ impl CameraFrame {
     }
 }
 
-/// Whether the corner attributes of a triangle add nothing to its material and its plane: its colours are white, and its normals equal the
-/// plane's, to the precision of 16-bit coordinates.
+/// Whether a triangle needs no corner attributes beside its material and its plane: its colours are white, and its normals equal the
+/// plane's normal, to the precision of 16-bit coordinates.
 fn is_plain(triangle: &Triangle) -> bool {
-    // Single precision cannot hold the square of a small area.
+    // The computation is in double precision, because the square of a small area underflows single precision.
     let [a, b, c] = triangle.positions.map(|corner| corner.as_dvec3());
     let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3();
     let flat = |n: &Vec3| *n == Vec3::ZERO || n.distance_squared(normal) < 1e-9;
@@ -143,10 +144,10 @@ fn pack_pairs(scene: &Scene, frame: &CameraFrame, pairs: &[Pair]) -> (Vec<[u32; 
     for pair in pairs {
         let triangles: Vec<Triangle> =
             pair.triangles().map(|(rotated, _)| rotated.of(&scene.triangles)).collect();
-        // Both triangles of a pair have the same values.
+        // Both triangles of a pair have the same material and region.
         let Triangle { material, region, .. } = triangles[0];
         let needs_corners = textured[material as usize] || !triangles.iter().all(is_plain);
-        // There are six texels for each triangle. The size limit of the array is far below u32::MAX, and is checked when the array is made.
+        // Each triangle has six texels of corner attributes. The array's size limit is far below u32::MAX, and is checked at its creation.
         let first_corner = if needs_corners { corners.len() as u32 } else { NONE };
         if needs_corners {
             corners.extend(triangles.iter().flat_map(|triangle| pack_corners(triangle, frame)).flatten());
@@ -159,7 +160,7 @@ fn pack_pairs(scene: &Scene, frame: &CameraFrame, pairs: &[Pair]) -> (Vec<[u32; 
     (texels, corners)
 }
 
-/// Two texels for each corner: both sets of texture coordinates; normal and colour.
+/// For each corner, one texel with both sets of texture coordinates, and one texel with normal and colour.
 fn pack_corners(triangle: &Triangle, frame: &CameraFrame) -> [[[u32; 4]; 2]; 3] {
     [0, 1, 2].map(|corner| {
         let [first, second] = triangle.texcoords[corner];
@@ -176,15 +177,15 @@ fn pack_corners(triangle: &Triangle, frame: &CameraFrame) -> [[[u32; 4]; 2]; 3] 
     })
 }
 
-/// The unit follows from the distance within which this share of the camera's view lies.
+/// The share of the camera's view whose distance determines the unit.
 const NEAR: f64 = 0.25;
 
-/// The unit of length of the tracer, a power of two of metres.
+/// The tracer's unit of length, a power of two of metres.
 ///
-/// Offsets of rays, products of lengths and hidden thresholds suit distances of about 1. Therefore all geometry on the device is in a unit
-/// that suits the scene. A quarter of the surfaces, as the camera sees them, lies within some distance, and the unit is the power of two of
-/// that distance. Far surfaces are offset by their own coordinates, so a small unit does not harm them; a large unit would harm near ones.
-/// Photos of a scene that is `2^k` times as large have the same bits, times `2^-2k`.
+/// Offsets of rays, products of lengths and hidden thresholds are suited to distances of about 1. Therefore all geometry on the device has
+/// a unit that suits the scene. The camera sees a quarter of the surfaces within a certain distance, and the unit is the power of two of
+/// this distance. Ray offsets on far surfaces follow from the coordinates there, so a small unit does not harm far surfaces. A large unit
+/// would harm near surfaces. Photos of a scene that is `2^k` times as large have the same bits, times `2^-2k`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Unit {
     pub(super) metres: f64,
@@ -198,7 +199,7 @@ impl Unit {
             let corners = triangle.positions.map(|corner| corner.as_dvec3() - camera);
             let [a, b, c] = corners;
             let (area, middle) = (0.5 * (b - a).cross(c - a).length(), (a + b + c) / 3.0);
-            // The solid angle without the slope is at most that of the whole sphere.
+            // The solid angle, computed without the slope of the surface, is limited to that of the whole sphere.
             let angle = (area / middle.length_squared()).min(4.0 * std::f64::consts::PI);
             corners.iter().for_each(|corner| distances.add(corner.length(), angle));
         }

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::gpu::pipeline::{READ, TEXEL_ARRAY, UNIFORM, WRITE};
 use crate::gpu::{Gpu, shader};
 
-/// A compiled kernel. Bind group 0 holds parameters and scene; group 1 holds the results, the photon map and the light buffer.
+/// A compiled kernel. Bind group 0 holds the parameters and the scene. Bind group 1 holds the results, the photon map and the light buffer.
 pub(super) struct Pipeline {
     pub(super) pipeline: wgpu::ComputePipeline,
     pub(super) scene_layout: wgpu::BindGroupLayout,
@@ -16,7 +16,7 @@ pub(super) struct Pipeline {
 }
 
 impl Pipeline {
-    /// Composes and compiles the shader `name` for a scene and rig with these features. The entry point has the same name.
+    /// Composes and compiles the shader `name` for a scene and rig with these features. `name` is also the name of the entry point.
     pub(super) fn new(gpu: &Gpu, name: &str, features: &Features) -> Result<Self> {
         let kernel = shader::kernel(name, &features.constants())?;
         gpu.guarded(name, || {
@@ -35,14 +35,14 @@ impl Pipeline {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Features {
     pub(super) scene: SceneFeatures,
-    /// Whether the scene emits light, which the paths then record.
+    /// Whether the scene emits light. If so, the paths record it.
     pub(super) ambient: bool,
     /// The camera or the projector has an aperture.
     pub(super) lenses: bool,
     /// Camera and projector are one pinhole.
     pub(super) coaxial_pinhole: bool,
     pub(super) roulette: bool,
-    /// Texels in a row of the light buffer, if rays from and to the pinhole use it ([`crate::render::light_buffer`]); otherwise 0.
+    /// The number of texels in a row of the light buffer, if rays from and to the pinhole use it ([`crate::render::light_buffer`]); or 0.
     pub(super) light_buffer_side: u32,
     /// Whether one invocation traces several paths, one after the other.
     pub(super) several_paths: bool,
@@ -57,15 +57,15 @@ pub(super) struct SceneFeatures {
     /// Some surfaces are rough, and neither plain Lambertian nor smooth.
     pub(super) facets: bool,
     pub(super) transmits: bool,
-    /// Some surfaces reflect or refract into single directions.
+    /// Some surfaces reflect or refract light into a single direction.
     pub(super) chains: bool,
     /// Some surfaces let light pass straight through.
     pub(super) passable: bool,
     /// Some surfaces border on a medium.
     pub(super) media: bool,
-    /// The nodes and the triangles of the search tree lie in one texture row each, and 16 bits are enough for a node's index.
+    /// The nodes of the search tree lie in one texture row, and so do its triangles. Node indices fit into 16 bits.
     pub(super) small_tree: bool,
-    /// The number of pairs of triangles, if rays test each of them; 0 if rays traverse the search tree.
+    /// The number of pairs of triangles, if each ray tests all of them; 0 if rays traverse the search tree.
     pub(super) few_pairs: u32,
 }
 

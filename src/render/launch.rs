@@ -23,18 +23,18 @@ pub(super) struct SizedKernel {
     pub(super) sizer: DispatchSizer,
 }
 
-/// A dispatch that the device has, and whose results have not been read yet.
+/// A dispatch that was submitted to the device, and whose results have not been read yet.
 struct InFlight {
     output: usize,
     readback: Readback,
     start: Instant,
     first_path: u64,
     parameters: Parameters,
-    /// The state of sorting and summing its contributions, if that is done.
+    /// The state of sorting and summing the contributions of the dispatch, if the device does so.
     merge: Option<MergeInFlight>,
 }
 
-/// The host also sums dispatches until a dispatch of at least this many paths agrees with the device. Such a dispatch fills more than one
+/// The host also sums each dispatch until a dispatch of at least this many paths agrees with the device. So many paths fill more than one
 /// block of the device's kernels.
 const CHECKED_PATHS: u32 = 2048;
 
@@ -45,20 +45,20 @@ pub(super) struct StrategyRun<'a> {
     kernel: &'a mut SizedKernel,
     dispatches: &'a mut Dispatches,
     pub(super) outputs: Vec<Output>,
-    /// One for each output, if the device sorts and sums contributions.
+    /// The merge of each output, if the device sorts and sums contributions.
     merges: Vec<DeviceMerge>,
     merging: Option<(&'a MergeRequest<'a>, &'a mut Trust)>,
     capacity: u32,
     /// The dispatches in flight, oldest first.
     in_flight: VecDeque<InFlight>,
-    /// The numbers of the paths that are not launched yet.
+    /// The numbers of the paths that are not yet launched.
     left: Range<u64>,
-    /// The time when the dispatch before the oldest one was done.
+    /// The time at which the most recently finished dispatch was done.
     idle_since: Instant,
 }
 
 impl<'a> StrategyRun<'a> {
-    /// Prepares buffers and bindings for the paths with these numbers. Buffers of `staging` that are large enough are used again.
+    /// Prepares buffers and bindings for the paths with these numbers. Buffers of `staging` that are large enough are reused.
     pub(super) fn new(
         gpu: &'a Gpu,
         scene: &'a GpuScene,
@@ -73,9 +73,10 @@ impl<'a> StrategyRun<'a> {
         let capacity = dispatches.capacity(gpu, stride, strategy.max_paths_per_invocation, total);
         let bytes = record_bytes(&strategy.parameters, capacity);
         kernel.sizer.begin(PathWork::of(&strategy.parameters));
-        // While the host reads the records of one dispatch, the device writes the records of the next one to a second buffer. If the device
-        // is the processor itself, one buffer is faster, because the host then has all cores while it reads. A dispatch in flight would
-        // keep them busy: the driver gives each core an equal part of it, and all would wait for the core that the host also uses.
+        // While the host reads the records of one dispatch, the device writes the records of the next dispatch to a second buffer. If the
+        // device is the processor itself, a single buffer is faster, because no dispatch then runs while the host reads, and all cores are
+        // free for the host. A dispatch in flight would occupy them: the driver gives each core an equal part of it, and all cores would
+        // wait for the core that the host also uses.
         let wanted = if gpu.shares_memory { 1 } else { 2 };
         staging.retain(|buffers| buffers.bytes() >= bytes);
         staging.truncate(wanted);
@@ -90,7 +91,7 @@ impl<'a> StrategyRun<'a> {
         let mut merges = Vec::new();
         if let Some((request, trust)) = &mut merging {
             let of = (&strategy.layout, strategy.parameters.end.pixels());
-            // If the device lacks the room, or cannot compile the kernels, the host sorts and sums.
+            // If the device lacks memory, or cannot compile the kernels, the host sorts and sums.
             let made: Result<Option<Vec<DeviceMerge>>> = trust.kernels(gpu).and_then(|kernels| {
                 let merge = |output: &Output| {
                     let records = &output.staging.results.buffer;
@@ -121,7 +122,7 @@ impl<'a> StrategyRun<'a> {
         })
     }
 
-    /// Whether paths are left to be launched, and the device can take one more dispatch.
+    /// Whether there are paths left to launch, and the device can take one more dispatch.
     pub(super) fn can_launch(&self) -> bool {
         let most = self.kernel.sizer.max_in_flight().min(self.outputs.len());
         !self.left.is_empty() && self.in_flight.len() < most
@@ -131,7 +132,7 @@ impl<'a> StrategyRun<'a> {
         let Self { strategy, left, kernel: SizedKernel { sizer, .. }, .. } = self;
         let samples = u64::from(strategy.parameters.samples);
         let merging = self.merging.as_ref().filter(|(_, trust)| !trust.is_lost);
-        // At most the capacity, which has 32 bits.
+        // The number of paths is at most the capacity, which is a 32-bit number.
         let first_path = left.start;
         let mut paths = u64::from(sizer.paths(self.capacity));
         if merging.is_some() {
@@ -148,7 +149,7 @@ impl<'a> StrategyRun<'a> {
         };
         let output = summary.dispatches as usize % self.outputs.len();
         let start = Instant::now();
-        // For merged paths, the host reads only the heads of the records, and ambient light, which is at their end.
+        // If the device merges paths, the host reads only the heads of the records, and the ambient light at the end of the records.
         let needs_all = merging.is_none_or(|(_, trust)| !trust.is_checked) || strategy.layout.ambient;
         let bytes = if needs_all { record_bytes(&parameters, paths) } else { u64::from(paths) * 16 };
         let merge = merging.map(|(request, _)| (&self.merges[output], *request, &strategy.layout));
@@ -160,9 +161,9 @@ impl<'a> StrategyRun<'a> {
         Ok(())
     }
 
-    /// Waits for the oldest dispatch in flight, shows its batch to `visit`, and adds its cost to `summary`. Returns `false` if there is
-    /// none. Fails with [`UnfinishedPaths`](crate::Error::UnfinishedPaths) if the driver dropped paths, with
-    /// [`Device`](crate::Error::Device) if it failed, or as `visit` does.
+    /// Waits for the oldest dispatch in flight, calls `visit` with its batch, and adds its cost to `summary`. Returns `false` if no
+    /// dispatch is in flight. Fails with [`UnfinishedPaths`](crate::Error::UnfinishedPaths) if the driver dropped paths, with
+    /// [`Device`](crate::Error::Device) if the device failed, or like `visit`.
     pub(super) fn finish_oldest(
         &mut self,
         summary: &mut TraceSummary,
@@ -180,7 +181,7 @@ impl<'a> StrategyRun<'a> {
         };
         let (mut unfinished, mut rays) = counted(&view, parameters.mark);
         if unfinished > 0 && parameters.paths_per_invocation > 1 {
-            // The invocations looped more often than the driver allows, so the paths are traced again with one path per invocation.
+            // The invocations looped more often than the driver allows. The paths are traced again, with one path per invocation.
             self.kernel.sizer.one_path_each();
             parameters = Parameters { paths_per_invocation: 1, mark: self.dispatches.mark(), ..parameters };
             drop(view);
@@ -188,7 +189,7 @@ impl<'a> StrategyRun<'a> {
             let bytes = record_bytes(&parameters, parameters.paths);
             view = output.run(self.gpu, &parameters, bytes)?;
             (unfinished, rays) = counted(&view, parameters.mark);
-            // The host sums paths that were traced again.
+            // The host sums the paths that were traced again.
             if let Some(merge) = merge.take() {
                 drop(self.merges[index].wait(self.gpu, merge)?);
                 self.merges[index].release();
@@ -198,7 +199,7 @@ impl<'a> StrategyRun<'a> {
             return Err(unfinished_paths(unfinished, paths as u64, self.scene));
         }
         let merged = merge.map(|merge| self.merges[index].wait(self.gpu, merge)).transpose()?;
-        // A dispatch that waited for an earlier one began when the earlier one was done.
+        // If a dispatch waited for an earlier one, it began when the earlier one was done.
         let elapsed = start.max(self.idle_since).elapsed();
         self.idle_since = Instant::now();
         let records = bytemuck::cast_slice(&view);
@@ -302,8 +303,8 @@ impl Output {
         })
     }
 
-    /// Submits one dispatch of `parameters.paths` paths, `parameters.paths_per_invocation` for each invocation, and requests the first
-    /// `bytes` of its results. With `merge`, their contributions become terms.
+    /// Submits one dispatch of `parameters.paths` paths, with `parameters.paths_per_invocation` paths for each invocation, and requests the
+    /// first `bytes` of its results. With `merge`, the device merges the contributions into terms.
     pub(super) fn launch(
         &self,
         gpu: &Gpu,
@@ -328,7 +329,7 @@ impl Output {
         Ok((self.staging.results.request(bytes, submission.clone()), submission))
     }
 
-    /// Waits for a dispatch of this output, and returns its results. Drop the view and call [`Output::release`] before the next launch.
+    /// Waits for a dispatch of this output, and returns its results. Before the next launch, drop the view and call [`Output::release`].
     pub(super) fn wait(&self, gpu: &Gpu, in_flight: Readback) -> Result<wgpu::BufferView> {
         self.staging.results.wait(gpu, in_flight)
     }
@@ -338,7 +339,7 @@ impl Output {
         self.wait(gpu, readback)
     }
 
-    /// Makes the results writable for the device again, after their view has been dropped.
+    /// Makes the results writable for the device again. Their view must have been dropped.
     pub(super) fn release(&self) {
         self.staging.results.release();
     }

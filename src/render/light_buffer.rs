@@ -1,9 +1,9 @@
-//! The light buffer lists the pairs of triangles that are visible from the pinhole that camera and projector share. The lists belong to the
-//! texels of a raster of the image plane.
+//! The light buffer lists the pairs of triangles that are visible from the pinhole that camera and projector share. The image plane is
+//! divided into a raster of texels, and each texel has a list.
 //!
-//! The list of a texel holds the pairs of all triangles that a ray between the pinhole and a point behind that texel could meet, up to the
+//! The list of a texel holds the pairs of all triangles that a ray between the pinhole and a point behind the texel could hit, up to the
 //! nearest triangle that covers the whole texel. Nothing behind that triangle is visible or lit. The lists are conservative, with margins
-//! far above rounding errors, so that a ray finds exactly the same hit as with the search tree.
+//! far above rounding errors, so a ray finds exactly the same hit as with the search tree.
 //!
 //! Haines and Greenberg, *The Light Buffer: A Shadow-Testing Accelerator* (1986), doi:10.1109/MCG.1986.276832.
 
@@ -16,20 +16,20 @@ use super::pairs::Pair;
 use crate::error::Result;
 use crate::gpu::Gpu;
 
-/// This bit marks a word of the raster that is the index of a list, and each word of a list except the last. It is
-/// `LIST_CONTINUES` in `shaders/shared/light_buffer.wgsl`.
+/// This bit marks a raster word that is the index of a list, and each word of a list except its last word. It is `LIST_CONTINUES` in
+/// `shaders/shared/light_buffer.wgsl`.
 const LIST_CONTINUES: u32 = 1 << 31;
-/// Margin around a texel, in texels: rays within it count as rays through the texel.
+/// The margin around a texel, in texels. Rays within the margin count as rays through the texel.
 const MARGIN: f64 = 1.0 / 32.0;
-/// Relative margin of depths. A triangle that lies behind another one by less is not hidden.
+/// The relative margin of depths. A triangle is hidden only if it lies behind another triangle by more than this.
 const DEPTH_MARGIN: f64 = 1e-4;
 
-/// Lists are made if all triangles together touch at most this number of texels, which takes a few seconds. Scenes with more have thousands
-/// of triangles behind each other, and a search tree serves them better than such long lists.
+/// The maximum number of texels that all triangles touch together. Lists of this size take a few seconds. A scene that exceeds it has
+/// thousands of triangles behind each other, and traces faster with a search tree than with such long lists.
 const MAX_TOUCHED: usize = 1 << 26;
 
-/// Texels in a row of the raster for a scene with this number of pairs. One texel on each side lies beyond the field of view. A fine raster
-/// has short lists; a coarse one stays in the cache.
+/// The number of texels in a row of the raster, for a scene with this number of pairs. One texel on each side lies outside the field of
+/// view. A fine raster has short lists, and a coarse raster stays in the cache.
 fn light_buffer_side(pairs: usize) -> u32 {
     // Measurements on software Vulkan: guide/src/right/speed.md.
     (16 * (2 * pairs).isqrt()).next_power_of_two().clamp(128, 512) as u32
@@ -41,8 +41,8 @@ pub(super) struct LightBuffers {
 }
 
 impl LightBuffers {
-    /// The light buffer for half the extent `tangent` of the image plane at distance 1, made at its first use, and the texels in a row of
-    /// its raster. If lists would be too long, it is a placeholder without texels.
+    /// The light buffer for half the extent `tangent` of the image plane at distance 1, which is made at first use; and the number of
+    /// texels in a row of its raster. If the lists would be too long, it is a placeholder without texels.
     pub(super) fn lists(
         &mut self,
         gpu: &Gpu,
@@ -64,14 +64,14 @@ impl LightBuffers {
     }
 }
 
-/// A placeholder for kernels without a light buffer: a binding may not be empty.
+/// A placeholder for kernels without a light buffer, because a binding must not be empty.
 pub(super) fn no_light_buffer(gpu: &Gpu) -> Result<wgpu::TextureView> {
     gpu.texel_array("empty light buffer", &[])
 }
 
-/// The words of a light buffer, as `shaders/shared/light_buffer.wgsl` reads them. `pairs` are in the pinhole's frame, which looks along −z,
-/// and in the order of the search tree's leaves. `tangent` is half the extent of the image plane at distance 1. `None` if triangles touch
-/// more than `most` texels in total.
+/// The words of a light buffer, as `shaders/shared/light_buffer.wgsl` reads them. `pairs` are in the frame of the pinhole, which looks
+/// along −z, and in the order of the search tree's leaves. `tangent` is half the extent of the image plane at distance 1. The result is
+/// `None` if triangles touch more than `most` texels in total.
 fn lists(pairs: &[Pair], tangent: [f32; 2], most: usize) -> Option<Vec<[u32; 4]>> {
     let mut raster = Raster::new(pairs, tangent);
     for (index, pair) in (0..).zip(pairs) {
@@ -88,23 +88,23 @@ fn lists(pairs: &[Pair], tangent: [f32; 2], most: usize) -> Option<Vec<[u32; 4]>
 struct Entry {
     texel: u32,
     pair: u32,
-    /// An upper bound of 1 over the triangle's depth in the texel.
+    /// An upper bound of 1/depth of the triangle in the texel.
     nearest: f32,
 }
 
 struct Raster {
     side: usize,
-    /// Texels per unit of the image plane.
+    /// The number of texels per unit of the image plane.
     scale: DVec2,
     near: f64,
-    /// A triangle that comes closer to the pinhole than this may be visible in any texel.
+    /// If a triangle comes closer to the pinhole than this, it may be visible in any texel.
     around: f64,
     entries: Vec<Entry>,
-    /// The number of texels that triangles have touched so far. A texel counts once for every triangle.
+    /// The number of texels that triangles have touched so far. A texel counts once for every triangle that touches it.
     touched: usize,
-    /// Pairs that belong to the lists of all texels.
+    /// Pairs that belong to the list of every texel.
     everywhere: Vec<u32>,
-    /// For each texel, 1 over the greatest depth of the nearest triangle that covers it; 0 without one.
+    /// For each texel, 1/depth at the farthest point of the nearest triangle that covers it; 0 if no triangle covers it.
     covers: Vec<f32>,
 }
 
@@ -143,7 +143,7 @@ impl Raster {
         self.cover(pair, &seen);
     }
 
-    /// Whether a triangle may come closer to the pinhole than the corners of the near plane, judged by its plane and its bounding box.
+    /// Whether a triangle may come closer to the pinhole than the corners of the near plane. Its plane and its bounding box decide.
     fn touches_the_pinhole(&self, [a, b, c]: &[DVec3; 3]) -> bool {
         let normal = (*b - *a).cross(*c - *a).normalize_or_zero();
         let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
@@ -158,7 +158,7 @@ impl Raster {
         Corner { at: image * self.scale + DVec2::splat(0.5 * self.side as f64), inverse }
     }
 
-    /// Adds the convex image of a triangle to every texel that it touches.
+    /// Adds a triangle to every texel that its convex image touches.
     fn cover(&mut self, pair: u32, polygon: &[Corner]) {
         let Some(plane) = InverseDepth::through(polygon) else { return };
         let vertices = || polygon.iter().map(|corner| corner.inverse);
@@ -191,20 +191,20 @@ impl Raster {
         }
     }
 
-    /// The words of all lists, without hidden triangles. Each list starts with its nearest pair and contains each pair at most once.
+    /// The words of all lists, without hidden triangles. Each list starts with its nearest pair, and contains each pair at most once.
     fn pack(mut self, pairs: usize) -> Vec<[u32; 4]> {
         self.entries.retain(|entry| entry.nearest >= self.covers[entry.texel as usize]);
         self.entries.sort_unstable_by(|a, b| {
             (a.texel, b.nearest, a.pair)
                 .partial_cmp(&(b.texel, a.nearest, b.pair))
-                // All depths are finite, since all vertices lie behind the near plane.
+                // All depths are finite, because all vertices lie behind the near plane.
                 .unwrap_or(std::cmp::Ordering::Equal)
         });
         let raster = self.side * self.side;
         let mut words = vec![0_u32; raster];
         let mut entries = self.entries.iter().peekable();
         let mut list = Vec::new();
-        // For each pair, the last texel, counted from 1, whose list contains it.
+        // For each pair, the last texel whose list contains it. Texels are counted from 1.
         let mut listed_in = vec![0; pairs];
         for texel in 0..raster {
             list.clear();
@@ -230,7 +230,7 @@ impl Raster {
     }
 }
 
-/// The texels along one axis that an interval touches, with the margin; `None` if it lies outside the raster.
+/// The range of texels along one axis that an interval with the margin touches; `None` if it lies outside the raster.
 fn texels(side: usize, low: f64, high: f64) -> Option<std::ops::RangeInclusive<usize>> {
     let (low, high) = (low - MARGIN, high + MARGIN);
     if !(low < side as f64 && high >= 0.0) {
@@ -242,7 +242,7 @@ fn texels(side: usize, low: f64, high: f64) -> Option<std::ops::RangeInclusive<u
 #[derive(Clone, Copy)]
 struct Corner {
     at: DVec2,
-    /// 1 over the depth of the corner, which is linear over the image of a plane.
+    /// 1/depth of the corner. Over the image of a plane, 1/depth is linear.
     inverse: f64,
 }
 
@@ -262,7 +262,7 @@ fn clip(corners: &[DVec3; 3], near: f64) -> Vec<DVec3> {
     kept
 }
 
-/// The least and the greatest x of a convex polygon within `low ≤ y ≤ high`; `None` if it does not reach that band.
+/// The least and the greatest x of a convex polygon within `low ≤ y ≤ high`; `None` if the polygon does not reach that band.
 fn extent_in_band(polygon: &[Corner], low: f64, high: f64) -> Option<(f64, f64)> {
     let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
     let mut reach = |x: f64| {
@@ -283,7 +283,7 @@ fn extent_in_band(polygon: &[Corner], low: f64, high: f64) -> Option<(f64, f64)>
     (left <= right).then_some((left, right))
 }
 
-/// Whether a texel lies inside a convex polygon, including its margin.
+/// Whether a texel, including its margin, lies inside a convex polygon.
 fn covers(polygon: &[Corner], column: usize, row: usize) -> bool {
     let [left, top] = [column, row].map(|index| index as f64 - MARGIN);
     let [right, bottom] = [column, row].map(|index| index as f64 + 1.0 + MARGIN);
@@ -291,7 +291,7 @@ fn covers(polygon: &[Corner], column: usize, row: usize) -> bool {
     for (index, corner) in polygon.iter().enumerate() {
         let edge = polygon[(index + 1) % polygon.len()].at - corner.at;
         for (x, y) in [(left, top), (right, top), (left, bottom), (right, bottom)] {
-            // NaN counts for neither side, so that the texel is not covered.
+            // NaN counts for neither side, so the texel is then not covered.
             let side = edge.perp_dot(DVec2::new(x, y) - corner.at);
             all_left &= side < 0.0;
             all_right &= side > 0.0;
@@ -300,7 +300,7 @@ fn covers(polygon: &[Corner], column: usize, row: usize) -> bool {
     all_left || all_right
 }
 
-/// 1 over the depth of a plane, as a linear function of the raster.
+/// 1/depth of a plane, as a linear function of raster coordinates.
 struct InverseDepth {
     at: DVec2,
     value: f64,
@@ -308,7 +308,7 @@ struct InverseDepth {
 }
 
 impl InverseDepth {
-    /// The function through the corners of a polygon. If it is seen edge-on, its gradient is infinite and it covers no texel.
+    /// The function through the corners of a polygon. Seen edge-on, the polygon has an infinite gradient and covers no texel.
     fn through(polygon: &[Corner]) -> Option<Self> {
         let first = polygon.first()?;
         let mut best = Self { at: first.at, value: first.inverse, gradient: DVec2::ZERO };
@@ -323,13 +323,13 @@ impl InverseDepth {
             }
         }
         if largest < 1e-9 || !best.gradient.is_finite() {
-            // The polygon is seen nearly edge-on, and its gradient has no meaning. Its nearest corner counts everywhere.
+            // The polygon is seen nearly edge-on, so its gradient has no meaning. The depth of its nearest corner is used everywhere.
             best.gradient = DVec2::splat(f64::INFINITY);
         }
         Some(best)
     }
 
-    /// The least and the greatest value over a texel with its margin.
+    /// The least and the greatest value of 1/depth over a texel with its margin.
     fn over(&self, column: usize, row: usize) -> (f64, f64) {
         if !self.gradient.is_finite() {
             return (0.0, f64::INFINITY);

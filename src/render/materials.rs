@@ -1,4 +1,4 @@
-//! Materials and textures as the shaders read them.
+//! Materials and textures in the form that the shaders read.
 
 use glam::{Vec2, Vec3};
 
@@ -8,7 +8,7 @@ use crate::scene::{AlphaMode, Material, Scene, TextureRef, Wrap};
 /// A surface with a smaller microfacet width `α` counts as smooth.
 pub const MIN_ALPHA: f32 = 1e-3;
 
-/// The index that stands for the absence of a pixel, triangle, region, and so on; `NONE` in `shaders/shared/parameters.wgsl`.
+/// The index that means "no pixel", "no triangle", "no region" and so on; `NONE` in `shaders/shared/parameters.wgsl`.
 pub(super) const NONE: u32 = u32::MAX;
 
 const DOUBLE_SIDED: u32 = 1;
@@ -16,7 +16,7 @@ const LETS_LIGHT_THROUGH: u32 = 2;
 const BLEND: u32 = 4;
 const MASK: u32 = 8;
 
-/// A material as seven texels, in the layout of `shaders/shared/surface.wgsl`. On software Vulkan, textures load far faster than buffers.
+/// A material as seven texels, in the layout of `shaders/shared/surface.wgsl`. Software Vulkan loads textures far faster than buffers.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 struct GpuMaterial {
@@ -42,11 +42,11 @@ struct GpuMaterial {
 
 impl GpuMaterial {
     fn new(material: &Material, [begin, end]: [u32; 2]) -> Self {
-        // KHR_materials_ior and KHR_materials_specular: F₀ = min(((n−1)/(n+1))² · colour, 1) · factor, F₉₀ = factor. The shader applies
-        // the minimum and the factor, because both colour and factor may have a texture.
+        // KHR_materials_ior and KHR_materials_specular define F₀ = min(((n−1)/(n+1))² · colour, 1) · factor and F₉₀ = factor. The shader
+        // applies the minimum and the factor, because textures may change both colour and factor.
         let normal_incidence = ((material.ior - 1.0) / (material.ior + 1.0)).powi(2);
         let through = material.lets_light_through();
-        // Light does not enter an opaque surface, so it has no medium.
+        // Light does not enter an opaque surface, so an opaque surface has no medium.
         let volume = material.volume.filter(|_| through);
         let (mode, cutoff) = match material.alpha_mode {
             AlphaMode::Opaque => (0, 0.0),
@@ -66,7 +66,7 @@ impl GpuMaterial {
             absorption: volume.map_or(Vec3::ZERO, |volume| volume.absorption()),
             transmission: material.transmission,
             cutoff,
-            // In glTF, an index of 0 means a Fresnel term of 1: light does not enter and is not refracted.
+            // In glTF, a refractive index of 0 means a Fresnel term of 1. No light enters such a surface, so none is refracted.
             ior: if volume.is_some() && material.ior > 0.0 { material.ior } else { 1.0 },
             normal_scale: material.normal_scale,
             padding: 0,
@@ -78,7 +78,7 @@ impl GpuMaterial {
     }
 }
 
-/// All materials of a scene as texels, with absorption per unit of length, and the list of their textures in the order of the materials.
+/// All materials of a scene as texels, with absorption per unit of length; and the list of their textures, in the order of the materials.
 pub(super) fn pack_materials(scene: &Scene, unit: Unit) -> (Vec<[u32; 4]>, Vec<GpuTexture>) {
     let mut textures = Vec::new();
     let materials: Vec<GpuMaterial> = scene
@@ -95,7 +95,7 @@ pub(super) fn pack_materials(scene: &Scene, unit: Unit) -> (Vec<[u32; 4]>, Vec<G
     (bytemuck::cast_slice(&materials).to_vec(), textures)
 }
 
-/// The factor of the material that a texture multiplies. `shaders/shared/texture.wgsl` defines the numbers.
+/// The property of a material that a texture multiplies. `shaders/shared/texture.wgsl` defines the numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum TextureRole {
     BaseColor,
@@ -161,7 +161,7 @@ impl GpuTexture {
         let offset = reference.transform.translation;
         Self {
             u: Vec3::new(x.x, y.x, offset.x),
-            // The texture array's size limit is far below u32::MAX texels, and is checked when the array is made.
+            // The size limit of the texture array is far below u32::MAX texels, and is checked when the array is created.
             first_texel: first_texel(scene, reference.texture) as u32,
             v: Vec3::new(x.y, y.y, offset.y),
             width: texture.width,
@@ -181,7 +181,7 @@ fn first_texel(scene: &Scene, texture: u32) -> usize {
     scene.textures[..texture as usize].iter().map(|texture| texture.texels.len()).sum()
 }
 
-/// The texels of all textures, one texture after the other. Each element holds four texels.
+/// The texels of all textures, one texture after the other. Each element of the result holds four texels.
 pub(super) fn pack_texels(scene: &Scene) -> Vec<[u32; 4]> {
     let total: usize = scene.textures.iter().map(|texture| texture.texels.len()).sum();
     let mut packed = vec![[0; 4]; total.div_ceil(4)];
@@ -203,8 +203,8 @@ pub(super) fn srgb_table() -> Vec<f32> {
     (0..256).map(|byte| decode(byte) as f32).collect()
 }
 
-/// A direction in 32 bits: octahedral coordinates (Cigolla et al., "A Survey of Efficient Representations for Independent Unit Vectors",
-/// JCGT 3(2), 2014), 16 bits each. The zero vector, for a corner without a normal, has its own word.
+/// A direction in 32 bits: two octahedral coordinates of 16 bits (Cigolla et al., "A Survey of Efficient Representations for Independent
+/// Unit Vectors", JCGT 3(2), 2014). A corner without a normal has the zero vector, which has a word of its own.
 pub(super) fn pack_normal(normal: Vec3) -> u32 {
     let sum = normal.abs().element_sum();
     if sum.is_nan() || sum <= 0.0 {

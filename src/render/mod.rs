@@ -1,4 +1,4 @@
-//! The path tracer finds a scene's light paths, as connections between camera pixels and projector pixels.
+//! The path tracer finds the light paths of a scene, which connect camera pixels and projector pixels.
 #![doc = include_str!("../../guide/src/right/operator.md")]
 
 mod batch;
@@ -27,8 +27,8 @@ pub use tracer::Tracer;
 
 pub use crate::gpu::AdapterSummary;
 
-/// All graphics adapters of this machine that can trace. The list may be empty.
-/// Fails with [`crate::Error::Device`] where `ulimit -v` leaves no room for a driver.
+/// All graphics adapters of this machine that can trace. The list may be empty. The call fails with [`crate::Error::Device`] if `ulimit -v`
+/// leaves too little address space for a driver.
 pub fn adapters() -> crate::Result<Vec<AdapterSummary>> {
     crate::gpu::device::adapters()
 }

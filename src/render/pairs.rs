@@ -1,4 +1,4 @@
-//! Pairs of triangles that share an edge. A ray tests both at once, with four corners instead of six.
+//! Pairs of triangles that share an edge. A ray tests both triangles of a pair at once, with four corners instead of six.
 //!
 //! Embree and ray tracing hardware take quadrilaterals from the mesh for the same purpose. Here any two
 //! neighbouring triangles can become a pair.
@@ -8,24 +8,24 @@ use glam::{DVec3, Vec3};
 use super::materials::NONE;
 use crate::scene::Triangle;
 
-/// The pinhole sees a triangle edge-on if the sine of the angle between the line of sight and the triangle's
-/// plane is below this value. Rounding then decides which side it sees.
+/// The pinhole sees a triangle edge-on if the sine of the angle between the line of sight and the triangle's plane is below this value.
+/// Rounding would then decide which side of the triangle the pinhole sees.
 const EDGE_ON: f64 = 1e-4;
 
-/// The largest surface of a box around a pair, relative to the sum of the surfaces of both triangles' boxes. The
-/// halves of a parallelogram have 0.5 to 0.6. With a limit of 1 instead of 0.6 to 0.8, rays took 3 to 7 % longer.
+/// The maximum surface area of a pair's bounding box, relative to the sum of the surface areas of both triangles' bounding boxes. The
+/// halves of a parallelogram have a ratio of 0.5 to 0.6. With a limit of 1 instead of 0.6 to 0.8, rays took 3 to 7 % longer.
 const CLOSE: f64 = 0.75;
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Pair {
-    /// The first triangle has corners 0, 1, 2, the second one corners 0, 2, 3. In a single triangle, corner 3
-    /// equals corner 0; its second triangle has no area, and no ray meets it.
+    /// The first triangle has the corners 0, 1, 2, and the second triangle the corners 0, 2, 3. For a single triangle, corner 3 equals
+    /// corner 0, so the second triangle has no area and no ray hits it.
     pub(super) corners: [Vec3; 4],
     first: Rotated,
     second: Option<Rotated>,
 }
 
-/// A triangle of the scene with its corners rotated. Corner `by` comes first.
+/// A triangle of the scene whose corners are rotated so that corner `by` comes first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Rotated {
     pub(super) index: usize,
@@ -37,12 +37,12 @@ impl Pair {
         Self { corners: [a, b, c, a], first: Rotated { index, by: 0 }, second: None }
     }
 
-    /// Two triangles that share edge `edge` of the first, which is edge `other_edge` of the second.
+    /// The pair of two triangles that share an edge. It is edge `edge` of the first triangle, and edge `other_edge` of the second.
     fn across(
         (index, corners, edge): (usize, [Vec3; 3], usize),
         (other, others, other_edge): (usize, [Vec3; 3], usize),
     ) -> Self {
-        // The edge runs from corner 2 to corner 0 of the first triangle, and from 0 to 1 of the second.
+        // The shared edge runs from corner 2 to corner 0 of the first triangle, and from corner 0 to corner 1 of the second.
         let (first, second) =
             (Rotated { index, by: (edge + 1) % 3 }, Rotated { index: other, by: other_edge });
         let ([a, b, c], [_, _, d]) = (first.corners(corners), second.corners(others));
@@ -79,9 +79,8 @@ impl Rotated {
 
 /// Pairs up the triangles of a scene. `corners` are their corners in the pinhole's frame.
 ///
-/// Each triangle is paired with the free neighbour that gives the smallest common bounding box, if that box is
-/// small relative to both boxes. The pinhole has to see both triangles from the same side, so that neither hides
-/// the other.
+/// Each triangle is paired with the unpaired neighbour that gives the smallest common bounding box, if this box is small relative to the
+/// triangles' own boxes. The pinhole must see both triangles from the same side, so that neither hides the other.
 pub(super) fn pair_up(triangles: &[Triangle], corners: &[[Vec3; 3]]) -> Vec<Pair> {
     let neighbours = neighbours(corners);
     let equal = |a: usize, b: usize| {
@@ -121,7 +120,7 @@ pub(super) fn pair_up(triangles: &[Triangle], corners: &[[Vec3; 3]]) -> Vec<Pair
     pairs
 }
 
-/// The side of a triangle that the pinhole at the origin sees: 1 or −1, or 0 if it sees the triangle edge-on.
+/// The side of a triangle that the pinhole at the origin sees: 1 or −1, or 0 if the pinhole sees the triangle edge-on.
 fn seen_from(corners: &[Vec3; 3]) -> f64 {
     let [a, b, c] = corners.map(|corner| corner.as_dvec3());
     let sine = a.normalize_or_zero().dot((b - a).cross(c - a).normalize_or_zero());
@@ -133,14 +132,14 @@ fn half_area([low, high]: [Vec3; 2]) -> f64 {
     x * y + y * z + z * x
 }
 
-/// For each edge, the edge of another triangle that runs in the opposite direction, or `NONE`. The edge of index
-/// `3 · triangle + corner` runs from this corner to the next corner of the triangle.
+/// For each edge, an edge of another triangle that runs in the opposite direction, or `NONE`. Edge `3 · triangle + corner` runs from this
+/// corner to the next corner of the triangle.
 fn neighbours(corners: &[[Vec3; 3]]) -> Vec<u32> {
     let ends = |edge: u32| {
         let (corners, from) = (corners[edge as usize / 3], edge as usize % 3);
         [corners[from], corners[(from + 1) % 3]]
     };
-    // Three times the largest number of triangles is far below 2³².
+    // Three times the maximum number of triangles is far below 2³².
     let count = 3 * corners.len() as u32;
     let mut edges: Vec<(u64, u32)> = (0..count)
         .map(|edge| {
@@ -161,11 +160,10 @@ fn neighbours(corners: &[[Vec3; 3]]) -> Vec<u32> {
     neighbours
 }
 
-/// A hash of the bits of a point. It only serves to sort equal edges next to each other.
+/// A hash of the bits of a point. It is used only to sort equal edges next to each other.
 fn hash(point: Vec3) -> u64 {
     let word = |value: f32| u64::from(value.to_bits());
-    // The odd multipliers come from linear congruential generators (Steele and Vigna 2021). The upper half is
-    // then folded into the lower one.
+    // The odd multipliers come from linear congruential generators (Steele and Vigna 2021). Then the upper half is folded into the lower.
     let mixed = (word(point.x).wrapping_mul(0xd134_2543_de82_ef95))
         .wrapping_add(word(point.y))
         .wrapping_mul(0xaf25_1af3_b0f0_25b5)
@@ -180,7 +178,7 @@ mod tests {
 
     use super::*;
 
-    /// A triangle in front of the pinhole, which looks along −z.
+    /// A triangle in front of the pinhole. The pinhole looks along −z.
     fn triangle(corners: [[f32; 2]; 3]) -> Triangle {
         Triangle::flat(corners.map(|[x, y]| vec3(x, y, -2.0)), 0, 0)
     }

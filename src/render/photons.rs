@@ -1,9 +1,10 @@
-//! The photon map of an endpoint's specular chains. It tells which pixels of the endpoint see a surface point through mirrors and glass.
+//! The photon map of an endpoint's specular chains. It shows which pixels of the endpoint see a surface point through mirrors and glass.
 //!
 //! A path that is specular at both ends (camera → mirror → wall → wall → mirror → projector) cannot be sampled by connecting surface points
-//! to an endpoint. Therefore the chains of the far endpoint are traced once, from its pixels to the first surfaces that scatter, and their
-//! ends are stored as photons. A path gathers the photons within a radius around its own points. This is a density estimate (Jensen,
-//! "Global Illumination using Photon Maps", EGWR 1996). Its bias depends on how much transport changes within the radius.
+//! to an endpoint. Therefore the specular chains of the far endpoint are traced once, from its pixels to the first surfaces that scatter,
+//! and the ends of the chains are stored as photons. A path gathers the photons within a radius around its own points. This is a density
+//! estimate (Jensen, "Global Illumination using Photon Maps", EGWR 1996). Its bias depends on how much light transport changes within the
+//! radius.
 
 use rayon::prelude::*;
 
@@ -16,7 +17,7 @@ use super::materials::NONE;
 use crate::error::Result;
 use crate::gpu::Gpu;
 
-/// The most surfaces of a chain, because their number has four bits.
+/// The maximum number of surfaces of a chain. Their number has four bits.
 const MAX_CHAIN: u32 = 15;
 
 #[derive(Clone)]
@@ -24,19 +25,19 @@ pub(super) struct PhotonMap {
     pub(super) photons: wgpu::TextureView,
     /// The first photon of each bucket.
     pub(super) buckets: wgpu::Buffer,
-    /// Number of buckets minus 1; 0 without photons.
+    /// The number of buckets minus 1; 0 if there are no photons.
     pub(super) bucket_mask: u32,
     pub(super) count: u32,
     pub(super) radius: f32,
 }
 
-/// The density with which specular chains are sampled, and the radius within which their photons are gathered.
+/// The sampling density of specular chains, and the radius within which their photons are gathered.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Gather {
     /// Number of chains traced from each pixel.
     pub photons: u32,
-    /// Radius of the density estimate. Its unit is the median, over all photons, of the radius of a disc with the area of a pixel's
-    /// footprint through its chain. A smaller radius reduces the bias and increases the variance.
+    /// The radius of the density estimate, in units of a median over all photons: the median radius of a disc with the area of a pixel's
+    /// footprint through the photon's chain. A smaller radius reduces the bias and increases the variance.
     pub radius: f32,
 }
 
@@ -78,7 +79,7 @@ impl PhotonMap {
         dispatches: &mut Dispatches,
     ) -> Result<Self> {
         let ChainRequest { features, endpoint, gather, base } = *request;
-        // At least the first and the last scattering surface of a path do not belong to this chain.
+        // The first and the last scattering surface of a path do not belong to this chain.
         let chain = base.max_bounces.saturating_sub(2).min(MAX_CHAIN);
         if chain == 0 || gather.photons == 0 {
             return Self::empty(gpu);
@@ -102,7 +103,7 @@ impl PhotonMap {
                 first_sample: (done % u64::from(gather.photons)) as u32,
                 paths,
                 samples: gather.photons,
-                // The random numbers are independent of those of the gathering paths.
+                // The seed differs from that of the gathering paths, so the random numbers are independent.
                 seed: base.seed ^ 0x5eed_f00d,
                 mark: dispatches.mark(),
                 scale: (endpoint.image_area() / total as f64) as f32,
@@ -130,7 +131,7 @@ impl PhotonMap {
         }
         let bytes = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer);
         let each = size_of::<Photon>() as u64;
-        // The photons of one bucket are stored twice.
+        // The photons of one bucket are stored twice, so this room is left for them.
         let room = (bytes / each).min(gpu.texel_bytes() / each - MAX_BUCKET as u64);
         let photons = fitting(photons, room as usize);
         let pixel_area = endpoint.image_area() / endpoint.pixels() as f64;
@@ -144,8 +145,8 @@ impl PhotonMap {
     }
 }
 
-/// The photons in the order in which the shader reads them. The first texels of all photons come first, because the shader finds near
-/// photons by them. The three other texels of each photon follow.
+/// The photons in the order in which the shader reads them. The first texels of all photons come first, because the shader finds nearby
+/// photons with them. The three other texels of each photon follow.
 fn texels(photons: &[Photon]) -> Vec<[u32; 4]> {
     let mut texels = Vec::with_capacity(4 * photons.len());
     texels.extend(photons.iter().map(|photon| photon[0]));
@@ -153,7 +154,7 @@ fn texels(photons: &[Photon]) -> Vec<[u32; 4]> {
     texels
 }
 
-/// An even selection of at most `room` photons, the most that fit the device. Their power is increased to keep the total power.
+/// An even selection of at most `room` photons, as many as fit the device. Their power is increased, so that the total power stays equal.
 fn fitting(photons: Vec<Photon>, room: usize) -> Vec<Photon> {
     let step = photons.len().div_ceil(room.max(1)).max(1);
     if step == 1 {
@@ -164,12 +165,12 @@ fn fitting(photons: Vec<Photon>, room: usize) -> Vec<Photon> {
     photons.into_iter().step_by(step).map(|photon| brightened(photon, share)).collect()
 }
 
-/// 1 over the width of a grid cell, which is two radii.
+/// 1 / width of a grid cell. The width is two radii.
 fn inverse_cell(radius: f32) -> f32 {
     0.5 / radius
 }
 
-/// The median over the photons of the radius of a disc with the area of a pixel's footprint through its chain.
+/// The median over the photons of the radius of a disc whose area is the footprint of a pixel through the photon's chain.
 fn median_radius(photons: &[Photon], pixel_area: f64) -> f32 {
     let mut densities: Vec<f32> = photons.iter().map(|photon| f32::from_bits(photon[1][0])).collect();
     let middle = densities.len() / 2;
@@ -180,7 +181,7 @@ fn median_radius(photons: &[Photon], pixel_area: f64) -> f32 {
 /// The number of maps that are kept. A rig with a separate projector needs one for each endpoint.
 const CAPACITY: usize = 2;
 
-/// The photon maps of one scene that were traced last, on the device. The newest is the last.
+/// The most recently traced photon maps of one scene, on the device. The newest map is the last.
 #[derive(Default)]
 pub(super) struct ChainCache {
     maps: Vec<(ChainRequest, PhotonMap)>,
@@ -206,18 +207,18 @@ impl ChainCache {
     }
 }
 
-/// A photon as `trace_photons` records it: four texels, which `shaders/shared/photons.wgsl` describes.
+/// A photon as `trace_photons` records it: four texels, as described in `shaders/shared/photons.wgsl`.
 pub(super) type Photon = [[u32; 4]; 4];
 
-/// The most photons in one bucket, so that no invocation loops longer than the driver allows. Fuller buckets keep an even selection of
-/// photons, whose power is increased accordingly.
+/// The maximum number of photons in one bucket, so that no invocation loops longer than the driver allows. A fuller bucket keeps an even
+/// selection of its photons, whose power is increased accordingly.
 const MAX_BUCKET: usize = 512;
 
-/// Photons in the buckets of a hash grid. The photons of a cell lie side by side, and so do the photons of two neighbouring cells along x.
+/// Photons in the buckets of a hash grid. The photons of a cell are contiguous, and so are those of two neighbouring cells along x.
 struct Grid {
     /// Number of buckets, a power of two, minus 1.
     mask: u32,
-    /// The first photon of each bucket, and the end of the last one.
+    /// The first photon of each bucket, and the end of the last bucket.
     start: Vec<u32>,
     photons: Vec<Photon>,
 }
@@ -230,7 +231,7 @@ impl Grid {
             .into_par_iter()
             .map(|photon| (hash(cell(&photon, inverse_cell)) & mask, photon))
             .collect();
-        // The sort is stable, so that photons of one bucket stay in the order of their paths.
+        // The sort is stable, so photons of one bucket stay in the order of their paths.
         keyed.par_sort_by_key(|&(bucket, _)| bucket);
         let mut start = Vec::with_capacity(buckets + 2);
         let mut photons: Vec<Photon> = Vec::with_capacity(keyed.len());
@@ -242,7 +243,7 @@ impl Grid {
             }
         }
         start.push(photons.len() as u32);
-        // The first bucket is repeated behind the last one, so that the photons of two neighbouring cells along x always lie side by side.
+        // A copy of the first bucket follows the last one, so that the photons of any two neighbouring cells along x are contiguous.
         photons.extend_from_within(..start[1] as usize);
         start.push(photons.len() as u32);
         Self { mask, start, photons }
@@ -329,7 +330,7 @@ mod tests {
         let mut sorted = Vec::new();
         thin(&[(0, photon); 1000], &mut sorted);
         let light: f32 = sorted.iter().map(|photon| f32::from_bits(photon[1][2])).sum();
-        // 1000/512 is rounded, and added up 512 times.
+        // 1000/512 is rounded, and summed 512 times.
         assert!(sorted.len() == MAX_BUCKET && (light - 2000.0).abs() < 0.01);
     }
 }

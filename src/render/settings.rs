@@ -1,4 +1,4 @@
-//! The settings of a trace and their limits, the pixels that its paths start from, and its cost.
+//! The settings of a trace and their limits, the pixels at which its paths start, and its cost.
 
 use std::ops::Range;
 use std::time::Duration;
@@ -7,27 +7,27 @@ use super::photons::Gather;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// The most surfaces that a path may meet. The numbers of rays and surfaces share a word with the mark that proves a path finished.
+/// The maximum number of surfaces that a path hits. The counts of rays and surfaces share a word with the mark of finished paths.
 pub const MAX_BOUNCES: u32 = 64;
 
 /// The settings of a trace.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct TraceSettings {
-    /// Pixels of the camera, and of a projector whose resolution is not given.
+    /// The pixels of the camera. Without `projector`, the projector has the same pixels.
     pub resolution: Resolution,
-    /// Pixels of the projector; `None` for the same number as the camera has.
+    /// The pixels of the projector; `None` for the resolution of the camera.
     pub projector: Option<Resolution>,
     /// Light paths per camera pixel, at least 1.
     pub samples: u32,
-    /// The most surfaces that a path meets: from 1 (direct light only) to [`MAX_BOUNCES`].
+    /// The maximum number of surfaces that a path hits: from 1 (direct light only) to [`MAX_BOUNCES`].
     pub max_bounces: u32,
     /// Selects the random numbers. Equal seeds give equal bits.
     pub seed: u32,
     /// The kind of random numbers.
     pub sampler: Sampler,
-    /// Whether dim paths end at random (Russian roulette). At six bounces this costs more variance than it saves time.
+    /// Whether dim paths end at random (Russian roulette). At six bounces, this increases the variance more than it reduces the time.
     pub russian_roulette: bool,
-    /// Sampling of the specular chains, in scenes that have any.
+    /// The sampling of specular chains, in scenes that have any.
     pub gather: Gather,
 }
 
@@ -46,7 +46,7 @@ impl TraceSettings {
         }
     }
 
-    /// Checks the limits of the settings. Fails with [`Error::Option`] naming the option of the command line.
+    /// Checks the limits of the settings. Fails with [`Error::Option`], which names the option of the command line.
     pub fn check(&self) -> Result<()> {
         check_size("--size", self.resolution)?;
         if let Some(projector) = self.projector {
@@ -111,7 +111,7 @@ impl Sampler {
     }
 }
 
-/// The pixels that light paths start from: a range of consecutive pixels for the camera and one for the projector. In a coaxial rig, the
+/// The pixels at which light paths start: a range of consecutive pixels for the camera, and one for the projector. In a coaxial rig, the
 /// range of the projector is empty.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct StartPixels {
@@ -122,13 +122,13 @@ pub struct StartPixels {
 }
 
 impl StartPixels {
-    /// Whether there are none.
+    /// Whether both ranges are empty.
     pub fn is_empty(&self) -> bool {
         self.camera.is_empty() && self.projector.is_empty()
     }
 
-    /// Cuts these pixels into `parts` ranges of each endpoint, whose lengths differ by at most one pixel. The parts are in the order of the
-    /// pixels and cover each pixel once. Some are empty if there are fewer pixels than parts.
+    /// Divides the range of each endpoint into `parts` ranges, whose lengths differ by at most one pixel. The parts are in the order of the
+    /// pixels and cover each pixel once. Some parts are empty if there are fewer pixels than parts.
     pub fn split(&self, parts: usize) -> Vec<Self> {
         let [camera, projector] = [&self.camera, &self.projector].map(|pixels| cut(pixels, parts));
         camera.into_iter().zip(projector).map(|(camera, projector)| Self { camera, projector }).collect()
@@ -151,15 +151,15 @@ pub struct TraceSummary {
     pub dispatches: u32,
     /// Number of dispatches whose contributions the device sorted and summed.
     pub merged: u32,
-    /// Wall time of the longest dispatch, including its read-back. The time of a dispatch that waited for another one starts when the other
-    /// one was done. The host may notice the end of a dispatch late, while it reads the records of another one.
+    /// Wall time of the longest dispatch, including its read-back. If a dispatch waited for an earlier one, its time starts when the
+    /// earlier one was done. The measured end may be late, if the host is reading the records of another dispatch.
     pub longest: Duration,
-    /// The sum of these times over all dispatches.
+    /// The sum of these wall times over all dispatches.
     pub tracing: Duration,
 }
 
 impl TraceSummary {
-    /// Adds the cost of a trace that ran at the same time in another process: its paths, rays and dispatches. The longer time counts.
+    /// Adds the paths, rays and dispatches of a trace that ran at the same time in another process. The longer times count.
     pub(crate) fn add_parallel(&mut self, other: &Self) {
         self.paths += other.paths;
         self.rays += other.rays;

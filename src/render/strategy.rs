@@ -1,4 +1,4 @@
-//! The sampling strategies: paths from the camera, and also from the projector where that stands apart.
+//! The sampling strategies: paths from the camera, and also paths from the projector if it stands apart.
 
 use std::ops::Range;
 
@@ -16,14 +16,14 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::scene::{Camera, Scene};
 
-/// One sampling strategy: the paths that start at one endpoint of the rig, and all inputs of their kernel.
+/// One sampling strategy: the paths that start at one endpoint of the rig, with all inputs of their kernel.
 pub(super) struct Strategy {
-    /// The parameters of its dispatches; each dispatch sets which paths it traces.
+    /// The parameters of the strategy's dispatches. Each dispatch selects its own paths.
     pub(super) parameters: Parameters,
     pub(super) features: Features,
     pub(super) max_paths_per_invocation: u32,
     pub(super) chains: PhotonMap,
-    /// The light buffer of the shared pinhole, or a placeholder where no ray uses it.
+    /// The light buffer of the shared pinhole, or a placeholder if no ray uses it.
     pub(super) light_buffer: wgpu::TextureView,
     pub(super) layout: RecordLayout,
 }
@@ -34,7 +34,7 @@ impl Strategy {
         self.parameters.start.pixels() * u64::from(self.parameters.samples)
     }
 
-    /// The numbers of the strategy's paths that start from these pixels.
+    /// The range of the path numbers that start from these pixels.
     pub(super) fn paths_from(&self, pixels: &StartPixels) -> Range<u64> {
         let samples = u64::from(self.parameters.samples);
         let own = if self.layout.from_camera { &pixels.camera } else { &pixels.projector };
@@ -43,7 +43,7 @@ impl Strategy {
 }
 
 impl Tracer {
-    /// The strategies for these settings: from the camera, and from the projector unless the rig is coaxial.
+    /// The strategies for these settings: paths from the camera, and paths from the projector unless the rig is coaxial.
     pub(super) fn strategies(&mut self, settings: &TraceSettings) -> Result<Vec<Strategy>> {
         let (camera, projector) = (self.rig.camera(settings), self.rig.projector(settings));
         if self.rig.coaxial(settings) {
@@ -57,7 +57,8 @@ impl Tracer {
         ])
     }
 
-    /// The strategy of paths from the first of two endpoints to the second. `samples` and `end_samples` are the path samples per pixel.
+    /// The strategy of paths from the first of two endpoints to the second. `samples` and `end_samples` are the numbers of paths per pixel
+    /// that start at the first and at the second endpoint.
     pub(super) fn strategy(
         &mut self,
         settings: &TraceSettings,
@@ -68,7 +69,7 @@ impl Tracer {
         let coaxial = self.rig.coaxial(settings);
         let coaxial_pinhole = self.rig.coaxial_pinhole(settings);
         let ambient = self.scene.ambient && from_camera;
-        // If light may pass straight through a surface, a ray needs all its hits in order, and the light buffer does not give them.
+        // If light may pass straight through a surface, a ray needs its hits in order, and the light buffer does not give their order.
         let (light_buffer, light_buffer_side) = if coaxial_pinhole && !self.scene.features.passable {
             self.light_buffers.lists(&self.gpu, &self.scene, start.tangent)?
         } else {
@@ -121,7 +122,7 @@ fn parameters(
     from_camera: bool,
     coaxial: bool,
 ) -> Parameters {
-    // Path samples per area of the image plane at distance 1.
+    // The number of paths per area of the image plane at distance 1.
     let density = |endpoint: &GpuEndpoint, samples: u32| {
         f64::from(samples) * endpoint.pixels() as f64 / endpoint.image_area()
     };
@@ -135,7 +136,7 @@ fn parameters(
         // The paths of both endpoints use different random numbers.
         seed: if from_camera { settings.seed } else { settings.seed ^ 0x9e37_79b9 },
         end_to_start,
-        // This factor converts an estimate per projector sample to one per camera sample. Lengths are in metres.
+        // The factor that converts an estimate per projector sample to one per camera sample. Lengths are in metres.
         scale: if from_camera { 1.0 } else { end_to_start },
         sampling: settings.sampler.word(),
         paths_per_invocation: 1,
@@ -143,7 +144,7 @@ fn parameters(
     }
 }
 
-/// Camera and projector, the endpoints of light paths, in the camera's frame: the camera is at the origin and looks along −z.
+/// Camera and projector as the endpoints of light paths, in the camera's frame: the camera is at the origin and looks along −z.
 pub(super) struct Endpoints {
     camera: Camera,
     projector: Option<Camera>,
@@ -178,7 +179,7 @@ impl Endpoints {
     fn endpoint(&self, endpoint: &Camera, resolution: Resolution) -> GpuEndpoint {
         let to_camera = axes(&self.camera).transpose();
         let [right, up, back] = if *endpoint == self.camera {
-            // The axes are exact, without rounding.
+            // These axes are exact; a computation would round them.
             [Vec3::X, Vec3::Y, Vec3::Z]
         } else {
             let turned = to_camera * axes(endpoint);

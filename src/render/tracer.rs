@@ -1,4 +1,4 @@
-//! The tracer of a scene: it traces light paths from the endpoints of the rig and returns them in batches.
+//! The tracer of a scene. It traces light paths from the endpoints of the rig, and returns them in batches.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -35,24 +35,24 @@ pub struct Tracer {
     trust: Trust,
     staging: Vec<StagingBuffers>,
     observer: Arc<dyn Observer + Send + Sync>,
-    /// The scene in the other processes of a team, which trace parts of it.
+    /// The scene as an object of a team. The other processes of the team trace parts of it.
     remote: Option<Arc<Remote>>,
 }
 
 impl Tracer {
-    /// Opens the adapter whose name contains `adapter`, or the fastest one for `None`, and moves the scene to it. Fails with
-    /// [`Error::NoAdapter`] without a Vulkan driver, and with [`Error::Device`] when the scene does not fit.
+    /// Opens the adapter whose name contains `adapter`, or the fastest adapter for `None`, and moves the scene to it. Fails with
+    /// [`Error::NoAdapter`] if there is no Vulkan driver, and with [`Error::Device`] if the scene does not fit.
     pub fn new(scene: &Scene, adapter: Option<&str>) -> Result<Self> {
         Self::open_turn(scene, adapter, 0)
     }
 
-    /// The same as [`Tracer::new`], errors included. Among adapters equal to the one that would be opened, `turn` selects one.
+    /// Works like [`Tracer::new`], errors included. If there are several equal adapters, `turn` selects one of them.
     pub fn open_turn(scene: &Scene, adapter: Option<&str>, turn: usize) -> Result<Self> {
         Self::on(Gpu::open(adapter, turn)?, scene)
     }
 
-    /// The same as [`Tracer::new`], for the scene that `load` returns. The scene is loaded while the adapter is being opened. Fails as
-    /// `load` or [`Tracer::new`] does.
+    /// Works like [`Tracer::new`], for the scene that `load` returns. The scene is loaded while the adapter is being opened. Fails like
+    /// `load` or [`Tracer::new`].
     pub fn open<E: From<Error>>(
         adapter: Option<&str>,
         load: impl FnOnce() -> std::result::Result<Scene, E>,
@@ -62,7 +62,7 @@ impl Tracer {
             let scene = load();
             let gpu = match gpu {
                 Ok(gpu) => gpu.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
-                // No thread could be started.
+                // A thread for loading could not be started.
                 Err(_) => Gpu::open(adapter, 0),
             };
             (scene, gpu)
@@ -90,14 +90,14 @@ impl Tracer {
         })
     }
 
-    /// Compiles kernels from now on with the help of `kept`, which an earlier process got from [`Tracer::compiled_kernels`] for the same
-    /// adapter. Kernels of another device, driver or version are ignored. Call it before anything is traced.
+    /// Compiles kernels from now on with the help of `kept`, the data that an earlier process got from [`Tracer::compiled_kernels`] for the
+    /// same adapter. Kernels of another device, driver or version are ignored. Call it before the first trace.
     pub fn restore_kernels(&mut self, kept: Option<&[u8]>) {
         self.gpu.restore_compiled(kept);
     }
 
-    /// All compiled kernels, including those of [`Tracer::restore_kernels`], for later processes. `None` if there are no new ones, or if
-    /// the driver gives none out; software Vulkan keeps them on disk itself.
+    /// All compiled kernels, including those of [`Tracer::restore_kernels`], for later processes. It is `None` if there are no new kernels,
+    /// or if the driver does not return kernels. Software Vulkan does not; it keeps kernels on disk itself.
     pub fn compiled_kernels(&self) -> Option<Vec<u8>> {
         self.gpu.compiled.as_ref()?.data()
     }
@@ -114,7 +114,7 @@ impl Tracer {
         Arc::clone(&self.observer)
     }
 
-    /// Lets `observer` watch every trace from now on, and stop it. The observer of a new tracer, `()`, does nothing.
+    /// Sets the observer that sees every later trace and may stop it. The observer of a new tracer, `()`, does nothing.
     pub fn observe(&mut self, observer: Arc<dyn Observer + Send + Sync>) {
         self.observer = observer;
     }
@@ -138,21 +138,21 @@ impl Tracer {
         settings.projector.unwrap_or(settings.resolution)
     }
 
-    /// All pixels that paths start from: the camera's pixels, and the pixels of a projector that stands apart.
+    /// All pixels at which paths start: the camera's pixels, and the pixels of a projector that stands apart.
     pub fn start_pixels(&self, settings: &TraceSettings) -> StartPixels {
         let apart = !self.symmetric(settings);
         let projector = if apart { self.projector_resolution(settings).pixels() } else { 0 };
         StartPixels { camera: 0..settings.resolution.pixels(), projector: 0..projector }
     }
 
-    /// Traces `settings.samples` paths per camera pixel, and about the same total number from a projector that stands apart. It shows them
-    /// to `visit` batch by batch, in path order. The sizes of the batches depend on the speed of the machine; sums in path order do not.
+    /// Traces `settings.samples` paths per camera pixel, and about the same total number from a projector that stands apart. Calls `visit`
+    /// with each batch, in path order. The sizes of the batches depend on the speed of the machine, but sums in path order do not.
     ///
     /// The observer sees a [`Step`] of stage `tracing` before each dispatch, counted in light paths, and one at the end.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] where the observer breaks, within two dispatches; [`Error::UnfinishedPaths`] where the driver dropped paths;
-    /// [`Error::Device`] where it failed; and errors of `visit`.
+    /// [`Error::Interrupted`] if the observer stops the trace, within two dispatches; [`Error::UnfinishedPaths`] if the driver dropped
+    /// paths; [`Error::Device`] if the device failed; and the errors of `visit`.
     pub fn trace(
         &mut self,
         settings: &TraceSettings,
@@ -161,7 +161,7 @@ impl Tracer {
         self.trace_from(settings, &self.start_pixels(settings), visit)
     }
 
-    /// The same as [`Tracer::trace`], errors included, for only the paths that start from these pixels.
+    /// Works like [`Tracer::trace`], errors included, but traces only the paths that start from these pixels.
     pub fn trace_from(
         &mut self,
         settings: &TraceSettings,
@@ -171,8 +171,8 @@ impl Tracer {
         self.trace_merged(settings, pixels, None, visit)
     }
 
-    /// The same as [`Tracer::trace_from`], errors included. If the device sorts and sums contributions, batches have the terms that
-    /// `request` asks for, in place of connections.
+    /// Works like [`Tracer::trace_from`], errors included. If the device sorts and sums contributions, batches contain the terms that
+    /// `request` describes instead of connections.
     pub(crate) fn trace_merged(
         &mut self,
         settings: &TraceSettings,
@@ -188,25 +188,25 @@ impl Tracer {
         for (strategy, paths) in strategies.iter().zip(all) {
             self.run((strategy, request), paths, total, &mut summary, visit)?;
         }
-        // Everything has been traced, so that a request to stop changes nothing.
+        // Everything has been traced, so a request to stop has no effect.
         let _ = step(&*self.observer, total, total);
         Ok(summary)
     }
 
-    /// Whether the device sorts and sums contributions to a matrix, so that fewer bytes come back. By default, it does unless it is the
-    /// processor itself, which would gain nothing. The sums are rounded to single precision in another order than the host's. A device that
-    /// does not agree with the host is not used for this; [`TraceSummary::merged`] shows it.
+    /// Selects whether the device sorts and sums contributions to a matrix, so that fewer bytes are transferred. By default, a device does
+    /// so unless it is the processor itself, which would gain nothing. The device rounds sums to single precision, and adds in another
+    /// order than the host. If the device's sums do not agree with the host's, the host sums instead; [`TraceSummary::merged`] shows this.
     pub fn merge_on_device(&mut self, asked: bool) {
         self.trust.asked = Some(asked);
     }
 
-    /// Frees staging buffers and photon maps, which only make the next trace start earlier.
+    /// Frees staging buffers and photon maps. They would only shorten the start of the next trace.
     pub fn release_buffers(&mut self) {
         self.staging.clear();
         self.chains = ChainCache::default();
     }
 
-    /// Traces the paths of these numbers of one strategy. `total` counts the paths of all strategies, for the observer.
+    /// Traces the paths of one strategy with these numbers. `total` counts the paths of all strategies, for the observer.
     pub(super) fn run(
         &mut self,
         (strategy, request): (&Strategy, Option<&MergeRequest<'_>>),
@@ -218,7 +218,7 @@ impl Tracer {
         let Self { gpu, scene, kernels, dispatches, staging, observer, trust, .. } = self;
         let merging = request.filter(|_| trust.merges(gpu)).map(|request| (request, trust));
         let kernel = kernel(gpu, kernels, &strategy.features)?;
-        // Buffers of the last trace serve again. An interrupted trace has dropped them.
+        // The buffers of the last trace are used again. An interrupted trace has dropped its buffers.
         let buffers = std::mem::take(staging);
         let mut run = StrategyRun::new(gpu, scene, strategy, paths, kernel, dispatches, (buffers, merging))?;
         loop {
@@ -256,8 +256,8 @@ fn kernel<'a>(
 }
 
 impl Tracer {
-    /// The region that the centre of each camera pixel sees, as an index into [`Scene::regions`](crate::scene::Scene::regions), or `None`.
-    /// Fails with [`crate::Error::Device`] when the device failed.
+    /// For each camera pixel, the region at its centre, as an index into [`Scene::regions`](crate::scene::Scene::regions), or `None`. Fails
+    /// with [`crate::Error::Device`] if the device failed.
     pub fn regions(&mut self, resolution: Resolution) -> Result<Vec<Option<u32>>> {
         let settings = TraceSettings { max_bounces: 1, ..TraceSettings::new(resolution, 1) };
         settings.check()?;

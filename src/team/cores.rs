@@ -1,24 +1,25 @@
-//! Division of the cores of a machine among the processes of a team that run on it.
+//! Divides the cores of a machine among the processes of a team that run on it.
 //!
-//! Software Vulkan and the threads of a process use all cores that the process may run on. Without a division, every process of a machine
-//! would start as many threads as there are cores.
+//! Software Vulkan and the threads of a process use all cores on which the process may run. Without a division, every process would start
+//! as many threads as its machine has cores.
 
 use super::Comm;
 
-/// The machine and the cores that a process of a team runs on.
+/// The machine and the cores on which a process of a team runs.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Placement {
     /// The machine's name.
     pub host: String,
-    /// The number of this process among the team's processes on the same machine, from 0 on.
+    /// The number of this process among the team's processes on the same machine, starting at 0.
     pub local_rank: usize,
     /// The number of processes of the team on this machine.
     pub local_size: usize,
-    /// The cores that this process may run on.
+    /// The cores on which this process may run.
     pub cores: Vec<usize>,
 }
 
-/// The share of `cores` for process `rank` of the `size` processes that have these cores. If there are too few cores, processes share one.
+/// The part of `cores` for process `rank` of the `size` processes with these cores. If there are fewer cores than processes, processes
+/// share a core.
 fn share(cores: &[usize], rank: usize, size: usize) -> Vec<usize> {
     let first = rank * cores.len() / size;
     let end = ((rank + 1) * cores.len() / size).max(first + 1);
@@ -26,8 +27,9 @@ fn share(cores: &[usize], rank: usize, size: usize) -> Vec<usize> {
 }
 
 /// Divides the cores of each machine among the processes of the team that run on it and may use the same cores, and binds this process to
-/// its share. Returns where each process runs, by rank. Every process of the team must call it before it starts threads, because threads
-/// inherit the binding. By default, Open MPI binds each process to one core. This function lifts that default, but keeps a user's binding.
+/// its part. Returns the placement of each process, by rank. Every process of the team must call it before it starts threads, because
+/// threads inherit the binding. By default, Open MPI binds each process to one core. This function lifts that default binding, but keeps a
+/// binding that the user chose.
 pub fn share_cores(comm: &dyn Comm) -> Vec<Placement> {
     keep_cores();
     let (host, cores) = (system::host(), system::cores());
@@ -45,7 +47,7 @@ pub fn keep_cores() {
     }
 }
 
-/// Sends a text to every process of the team, and returns the texts of all processes, by rank.
+/// Sends a text to every process of the team. Returns the texts of all processes, by rank.
 pub(super) fn exchange_text(comm: &dyn Comm, text: &str) -> Vec<String> {
     let all = comm.exchange(vec![text.as_bytes().to_vec(); comm.size()]);
     all.iter().map(|text| String::from_utf8_lossy(text).into_owned()).collect()
@@ -64,7 +66,7 @@ fn placements(texts: &[String]) -> Vec<Placement> {
     parts.iter().enumerate().map(placement).collect()
 }
 
-/// The machine's name and the cores as a text that every process of the team can read.
+/// The machine's name and the cores, as a text that every process of the team can read.
 fn text(host: &str, cores: &[usize]) -> String {
     let cores: Vec<String> = cores.iter().map(usize::to_string).collect();
     format!("{host} {}", cores.join(","))
@@ -81,7 +83,7 @@ fn is_bound_by_default() -> bool {
 mod system {
     use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
-    /// The name of this machine without spaces.
+    /// The name of this machine, with spaces replaced by `_`.
     pub(super) fn host() -> String {
         rustix::system::uname().nodename().to_string_lossy().replace(' ', "_")
     }
@@ -101,7 +103,7 @@ mod system {
     /// Lets this process run on every core that its container and its job allow.
     pub(super) fn unbind() {
         let all: Vec<usize> = (0..CpuSet::MAX_CPU).collect();
-        // If the system refuses, the binding does not change.
+        // If the system refuses, the binding stays unchanged.
         let _ = bind(&all);
     }
 }

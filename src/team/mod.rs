@@ -1,11 +1,12 @@
-//! Several processes that work on one question. One leads. The others hold data that it cannot hold alone, and compute on them.
+//! A team of processes that compute one result together. One process leads. The others hold data that are too large for the leader, and
+//! compute with them.
 //!
-//! The process of rank 0 leads. It runs the program as if alone: it prints, writes files and keeps the journal. Each other process waits
-//! in [`serve()`] for commands. A command is about an *object* of which every process holds a part: a scene on its device, or some rows of
-//! a matrix. The leader names an object by a [`Remote`]. The other processes drop their parts after the leader drops the `Remote`. The
-//! caller defines the commands.
+//! The process of rank 0 is the leader. It runs the program as if alone: it prints, writes files and keeps the journal. Each other process
+//! waits for commands in [`serve()`]. A command refers to an *object* of which every process holds a part: a scene on its device, or some
+//! rows of a matrix. The leader refers to an object by a [`Remote`]. When the leader has dropped the `Remote`, the other processes drop
+//! their parts. The caller defines the commands.
 //!
-//! Processes exchange messages by a [`Comm`]: by MPI (feature `mpi`), or as threads of one process ([`threads()`]).
+//! Processes exchange messages through a [`Comm`]. They are either MPI processes (feature `mpi`) or threads of one process ([`threads()`]).
 
 mod cores;
 #[cfg(feature = "mpi")]
@@ -26,17 +27,17 @@ pub use world::World;
 
 use crate::error::{Error, Result};
 
-/// Messages among the processes of a team. Messages from one process to another arrive in the order in which they were sent.
+/// Messages between the processes of a team. Messages from one process to another arrive in the order in which they were sent.
 ///
-/// No method returns an error: if a process ends early, its partners cannot go on, and the system that started them ends them all.
+/// No method returns an error. If a process ends early, its partners cannot continue, and the system that started them ends all of them.
 pub trait Comm: Send + Sync {
-    /// The number of this process, from 0 on.
+    /// The number of this process, starting at 0.
     fn rank(&self) -> usize;
 
     /// The number of processes.
     fn size(&self) -> usize;
 
-    /// Sends a message to another process. It may wait until that process receives it.
+    /// Sends a message to another process. It may wait until the other process receives the message.
     fn send(&self, to: usize, message: &[u8]);
 
     /// Waits for the next message from another process.
@@ -45,10 +46,10 @@ pub trait Comm: Send + Sync {
     /// Whether a message from another process has arrived.
     fn has_message(&self, from: usize) -> bool;
 
-    /// Sends the leader's message to every process, and returns it. `message` is `Some` in the leader and `None` in the others. Processes
-    /// pass the message on, so that the leader does not send it to all of them. Every process of the team must call it.
+    /// Sends the leader's message to every process, and returns it. `message` is `Some` in the leader, and `None` in the others. Processes
+    /// pass the message on, so the leader need not send it to every process itself. Every process of the team must call this method.
     fn broadcast(&self, message: Option<&[u8]>) -> Vec<u8> {
-        // The processes form a tree: the parent's rank is the rank without its lowest set bit.
+        // The processes form a tree. The rank of a parent is the rank of its child without the lowest set bit.
         let rank = self.rank();
         let message = match message {
             Some(message) => message.to_vec(),
@@ -60,18 +61,19 @@ pub trait Comm: Send + Sync {
         message
     }
 
-    /// Ends messaging: this process sends and receives nothing afterwards. Every process of the team must call it.
+    /// Ends messaging. Afterwards, this process sends and receives nothing. Every process of the team must call this method.
     fn close(&self) {}
 
-    /// Sends `outgoing[rank]` to each process, and returns the messages to this one, by rank. The message to itself is returned unchanged.
-    /// Every process of the team must call it.
+    /// Sends `outgoing[rank]` to each process, and returns the messages to this process, by rank. The message of this process to itself is
+    /// returned unchanged. Every process of the team must call this method.
     fn exchange(&self, outgoing: Vec<Vec<u8>>) -> Vec<Vec<u8>>;
 }
 
-/// Checks that all processes run the program that `program` identifies. `placements` says where they run. Every process must call it.
+/// Checks that all processes run the program that `program` identifies. `placements` says where they run. Every process must call this
+/// function.
 ///
 /// # Errors
-/// [`Error::Team`] in every process if the programs differ. It names the machines that run another program than the leader.
+/// [`Error::Team`] in every process if the programs differ. It names the machines whose program differs from the leader's.
 pub fn require_same_program(comm: &dyn Comm, placements: &[Placement], program: &str) -> Result<()> {
     let programs = cores::exchange_text(comm, program);
     let host = |rank: usize| placements.get(rank).map_or("", |placement| &placement.host);
@@ -85,20 +87,20 @@ pub fn require_same_program(comm: &dyn Comm, placements: &[Placement], program: 
         .help("start the same program on every machine"))
 }
 
-/// The team as its leader sees it.
+/// A team, seen from its leader.
 pub struct Team {
     comm: Arc<dyn Comm>,
     placements: Vec<Placement>,
-    /// The number of the next object. Only the thread that holds the lock exchanges messages with the other processes.
+    /// The number of the next object. The thread that holds this lock is the only one that exchanges messages with the other processes.
     next: Mutex<u64>,
-    /// Objects that the leader has dropped and the other processes still hold.
+    /// Objects that the leader has dropped, but the other processes still hold.
     released: Mutex<Vec<u64>>,
     has_ended: AtomicBool,
 }
 
 impl Team {
-    /// The team of the process with this `comm`, which has rank 0. All other processes must be in [`serve()`]. `placements` says where the
-    /// processes run, by rank; messages to the user show it.
+    /// The team of the process with this `comm`, which must have rank 0. All other processes must be in [`serve()`]. `placements` says
+    /// where the processes run, by rank; it is shown in messages to the user.
     pub fn lead(comm: Arc<dyn Comm>, placements: Vec<Placement>) -> Arc<Self> {
         debug_assert_eq!(comm.rank(), 0, "the process of rank 0 leads");
         Arc::new(Self {
@@ -110,7 +112,7 @@ impl Team {
         })
     }
 
-    /// The team of this process alone.
+    /// A team that consists of this process alone.
     pub fn alone() -> Arc<Self> {
         Self::lead(Arc::new(threads(1).swap_remove(0)), Vec::new())
     }
@@ -120,7 +122,7 @@ impl Team {
         self.comm.size()
     }
 
-    /// Ends the team: the other processes leave [`serve()`]. Their objects must not be used afterwards.
+    /// Ends the team. The other processes leave [`serve()`]. Objects of the team must not be used afterwards.
     pub fn end(&self) {
         if !self.has_ended.swap(true, Ordering::SeqCst) {
             self.turn().tell(&Told::End);
@@ -128,19 +130,19 @@ impl Team {
         }
     }
 
-    /// The placement of each process, by rank; empty if it is not known.
+    /// The placement of each process, by rank. The list is empty if placements are unknown.
     pub fn placements(&self) -> &[Placement] {
         &self.placements
     }
 
-    /// A new object, which no process holds yet.
+    /// A new object. No process holds a part of it yet.
     pub fn remote(self: &Arc<Self>) -> Remote {
         let mut next = lock(&self.next);
         *next += 1;
         Remote { team: Arc::clone(self), id: *next }
     }
 
-    /// Waits until no other thread exchanges messages with the team. Then the other processes drop the released objects.
+    /// Waits until no other thread exchanges messages with the team. Then it tells the other processes to drop the released objects.
     fn turn(&self) -> Turn<'_> {
         let turn = Turn { comm: &*self.comm, _alone: lock(&self.next) };
         for id in std::mem::take(&mut *lock(&self.released)) {
@@ -162,7 +164,7 @@ impl Drop for Team {
     }
 }
 
-/// An object of which each process of the team holds a part. The other processes drop their parts after this handle is dropped.
+/// An object of which each process of the team holds a part. When this handle has been dropped, the other processes drop their parts.
 #[derive(Debug)]
 pub struct Remote {
     team: Arc<Team>,
@@ -180,8 +182,8 @@ impl Remote {
         self.id
     }
 
-    /// Sends the other processes a command about this object. The caller and the workers define the messages that follow. Other threads
-    /// wait until the returned turn is dropped. A command that cannot be encoded gives [`Error::Team`].
+    /// Sends a command about this object to the other processes. The caller and the other processes define the messages that follow. Other
+    /// threads wait until the returned turn is dropped. A command that cannot be encoded gives [`Error::Team`].
     pub fn command(&self, command: &impl Serialize) -> Result<Turn<'_>> {
         let message = to_bytes(&Told::Command(self.id, command))?;
         let turn = self.team.turn();
@@ -192,7 +194,7 @@ impl Remote {
 
 impl Drop for Remote {
     fn drop(&mut self) {
-        // The next command tells the other processes, because a command may be under way now.
+        // A command may be in progress now, so the next command will tell the other processes.
         lock(&self.team.released).push(self.id);
     }
 }
@@ -204,7 +206,7 @@ pub struct Turn<'a> {
 }
 
 impl Turn<'_> {
-    /// The team's messages.
+    /// The connection to the other processes.
     pub fn comm(&self) -> &dyn Comm {
         self.comm
     }
@@ -219,7 +221,7 @@ impl Turn<'_> {
         self.others().for_each(|rank| self.comm.send(rank, message));
     }
 
-    /// Sends a message to all other processes, which receive it by [`Comm::broadcast`].
+    /// Sends a message to all other processes. They receive it with [`Comm::broadcast`].
     pub fn broadcast(&self, message: &[u8]) {
         self.comm.broadcast(Some(message));
     }
@@ -229,18 +231,18 @@ impl Turn<'_> {
         self.others().map(|rank| self.comm.receive(rank)).collect()
     }
 
-    /// The results that the other processes sent by [`answer`], by rank.
+    /// The results that the other processes sent with [`answer`], by rank.
     pub fn answers<T: DeserializeOwned>(&self) -> Vec<Result<T>> {
         self.others().zip(self.receive_all()).map(|(rank, bytes)| read_answer(rank, &bytes)).collect()
     }
 
     fn tell(&self, told: &Told<()>) {
-        // Encoding numbers cannot fail.
+        // Numbers can always be encoded.
         self.send_all(&to_bytes(told).unwrap_or_default());
     }
 }
 
-/// A message of the leader to the other processes.
+/// A message from the leader to the other processes.
 #[derive(Serialize, Deserialize)]
 pub enum Told<C> {
     /// The team ends.
@@ -251,10 +253,10 @@ pub enum Told<C> {
     Command(u64, C),
 }
 
-/// Serves the leader, rank 0, until it ends the team. `told` drops objects and carries out commands.
+/// Serves the leader, the process of rank 0, until the leader ends the team. `told` drops objects and executes commands.
 ///
 /// # Panics
-/// If a message cannot be read: the leader waits for an answer that this process cannot give.
+/// If a message cannot be read, because the leader then waits for a reply that this process cannot give.
 pub fn serve<C: DeserializeOwned>(comm: &dyn Comm, mut told: impl FnMut(Told<C>)) {
     loop {
         match from_bytes(&comm.receive(0)).expect("all processes run the same program") {
@@ -282,14 +284,14 @@ pub(crate) fn garbled(why: &str) -> Error {
         .help("start the same program on every machine; if it is, this is a fault in krylux")
 }
 
-/// Sends the leader a value, or the reason why there is none.
+/// Sends a value to the leader, or the reason why there is no value.
 pub fn answer<T: Serialize>(comm: &dyn Comm, answer: std::result::Result<T, impl ToString>) {
     let answer = answer.map_err(|error| error.to_string());
-    // Encoding cannot fail here, because an answer contains no file names.
+    // An answer contains no file names, so encoding cannot fail here.
     comm.send(0, &to_bytes(&answer).unwrap_or_default());
 }
 
-/// Decodes the answer of process `rank`. It is [`Error::Team`] if the process reports an error, or if the bytes are not an answer.
+/// Decodes the answer of process `rank`. The result is [`Error::Team`] if the process reports an error, or if the bytes are not an answer.
 pub fn read_answer<T: DeserializeOwned>(rank: usize, bytes: &[u8]) -> Result<T> {
     let answer: std::result::Result<T, String> = from_bytes(bytes)?;
     answer.map_err(|why| {
@@ -299,7 +301,7 @@ pub fn read_answer<T: DeserializeOwned>(rank: usize, bytes: &[u8]) -> Result<T> 
     })
 }
 
-/// Takes the lock, even if a thread panicked while it held the lock: the content is never left incomplete.
+/// Takes the lock, even if a thread panicked while holding it. This is safe because the content is never left incomplete.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -311,7 +313,7 @@ pub struct Threads {
     from: Vec<Mutex<Inbox>>,
 }
 
-/// Messages from one member. It keeps a message that was peeked at until it is received.
+/// Messages from one member. A message that was only looked at is kept until it is received.
 struct Inbox {
     receiver: Receiver<Vec<u8>>,
     waiting: VecDeque<Vec<u8>>,
@@ -341,12 +343,12 @@ impl Comm for Threads {
     }
 
     fn send(&self, to: usize, message: &[u8]) {
-        // Sending fails only if the other member has ended; then it needs no messages.
+        // Sending fails only if the other member has ended. It then needs no messages.
         let _ = self.to[to].send(message.to_vec());
     }
 
     /// # Panics
-    /// If the other member has ended without a message, which means that it panicked.
+    /// If the other member has ended without sending a message, which means that it panicked.
     fn receive(&self, from: usize) -> Vec<u8> {
         let mut inbox = lock(&self.from[from]);
         match inbox.waiting.pop_front() {
@@ -416,7 +418,7 @@ mod tests {
     fn the_others_do_what_the_leader_says_and_let_go_of_what_it_dropped() -> Result<()> {
         let mut all = threads(3).into_iter();
         let leader = all.next().expect("there are three");
-        // Each member notes the messages that it gets, and returns a command with its rank.
+        // Each member records the messages that it receives, and replies to a command with its rank.
         let work = |comm: Threads| {
             let mut notes = Vec::new();
             serve(&comm, |told: Told<String>| match told {

@@ -1,4 +1,4 @@
-//! The processes that MPI started together.
+//! Processes that MPI started together.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -12,20 +12,21 @@ use mpi::topology::{Communicator, SimpleCommunicator};
 use super::Comm;
 use crate::error::{Error, Result};
 
-/// The maximum size of one MPI message, since MPI counts bytes in 31 bits. Longer messages are sent in pieces.
+/// The maximum size of one MPI message. MPI counts bytes in 31 bits, so longer messages are sent in pieces.
 const PIECE: usize = 1 << 30;
-/// Message tags: more pieces follow, or this is the last one.
+/// Message tags. `MORE` means that more pieces follow, and `LAST` marks the last piece.
 const MORE: i32 = 1;
 const LAST: i32 = 0;
 
-/// How often a waiting process looks for a message before it starts to sleep between looks. Sleeping leaves its core to other processes.
+/// The number of times that a waiting process checks for a message before it sleeps between checks. Sleeping leaves its core to other
+/// processes.
 const LOOKS: u32 = 2000;
 const LONGEST_SLEEP: Duration = Duration::from_micros(500);
 
 /// The environment variables that launchers set in each of several processes: Open MPI, PMIx, and MPICH with its relatives.
 const LAUNCHERS: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK"];
 
-/// All processes that `mpirun` or `srun` started together. Dropping it ends MPI.
+/// All processes that `mpirun` or `srun` started together. Dropping this value ends MPI.
 pub struct World {
     rank: usize,
     size: usize,
@@ -34,10 +35,10 @@ pub struct World {
 }
 
 impl World {
-    /// Joins the other processes. Returns `None` if no MPI launcher started this process.
+    /// Connects this process to the others. Returns `None` if no MPI launcher started this process.
     ///
     /// # Errors
-    /// [`Error::Team`] if MPI was started before, or if several threads cannot use it.
+    /// [`Error::Team`] if MPI was started before, or if MPI does not allow several threads.
     pub fn join() -> Result<Option<Self>> {
         if !LAUNCHERS.iter().any(|name| std::env::var_os(name).is_some()) {
             return Ok(None);

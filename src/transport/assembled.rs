@@ -1,5 +1,5 @@
-//! The light transport matrix of a scene. Its light paths are traced, summed pixel by pixel, and combined into rows. Photos are products
-//! with the matrix, on the processor or on a device.
+//! The light transport matrix of a scene. The light paths are traced, summed for each pair of pixels, and combined into rows. Photos are
+//! products with the matrix, on the processor or on a device.
 
 use std::sync::Arc;
 
@@ -34,7 +34,7 @@ pub fn assemble(tracer: &mut Tracer, settings: &TraceSettings, channels: Channel
     assemble_layers(tracer, settings, channels, false)
 }
 
-/// Works like [`assemble()`]. If `split` is set, the second bounce and all later ones are separate layers.
+/// Works like [`assemble()`]. If `split` is set, light of two bounces and light of more bounces are separate layers.
 pub fn assemble_layers(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -55,7 +55,7 @@ pub(super) fn shape(tracer: &Tracer, settings: &TraceSettings) -> RigShape {
     }
 }
 
-/// A traced scene as a rig that several may share. It is linear, so patterns may be signed and of any magnitude.
+/// A traced scene as a rig. Several owners may share it. It is linear, so patterns may be negative and of any magnitude.
 impl Transport for Arc<Assembled> {
     fn pattern_resolution(&self) -> Resolution {
         self.matrix.projector_resolution()
@@ -83,8 +83,8 @@ impl Transport for Arc<Assembled> {
     }
 }
 
-/// The number of entries from which a product is worth sending to a GPU. A few cores multiply them in about the time of the transfers, some
-/// 0.2 ms. This is an estimate that was not measured on a GPU.
+/// A product is sent to a GPU only if the matrix has at least this many entries. A few cores multiply so many entries in about the time of
+/// the transfers, some 0.2 ms. This number is an estimate; it was not measured on a GPU.
 const WORTHWHILE: usize = 1 << 20;
 
 /// The backend of products with the traced matrix: the processor, or the device that traced the paths.
@@ -106,14 +106,14 @@ pub enum Backend {
 }
 
 impl Assembled {
-    /// Products with one part and channel of the matrix, on its backend. On each backend they repeat to the bit. Between backends they
-    /// differ only by the rounding of sums.
+    /// Products with one part and channel of the matrix, on its backend. Repeated products on one backend are equal to the bit. Products of
+    /// different backends differ only by the rounding of sums.
     pub fn operator(&self, part: Part, channel: usize) -> MatrixOperator<'_> {
         MatrixOperator::new(&self.matrix, part, channel).on(self.gpu_matrix.as_ref())
     }
 
-    /// Chooses the backend of all later products. The device is the one that `tracer` traces on. If [`Backend::Auto`] chose the processor
-    /// because a GPU lacked something, the reason is returned.
+    /// Chooses the backend of all later products. The device is that on which `tracer` traces. The result is a reason if [`Backend::Auto`]
+    /// chose the processor because a GPU lacked something.
     ///
     /// # Errors
     /// [`Error::Device`] for [`Backend::Gpu`] on a device without `f64` or without enough memory; [`Error::Option`] for [`Backend::Gpu`] if
@@ -224,7 +224,7 @@ mod tests {
         let photos = [&mut here, &mut there].map(|rig| rig.photograph(&pattern));
         let [Ok(expected), Ok(found)] = photos else { unreachable!("{photos:?}") };
         for (expected, found) in expected.samples().iter().zip(found.samples()) {
-            // The values are equal to 1e-13 and then rounded to `f32`, down or up.
+            // The values agree to 1e-13, but may be rounded to different `f32`.
             assert!((expected - found).abs() <= f32::EPSILON * expected, "{expected} and {found}");
         }
         let pixels = resolution.pixels();
@@ -241,7 +241,7 @@ mod tests {
         assert!(matrix == product(here.operator(Part::Global, 1)));
     }
 
-    /// This does not compile for a type that may not move to another thread.
+    /// A call compiles only if `T` may move to another thread.
     const fn assert_send<T: Send>() {}
 
     const _: () = {

@@ -1,4 +1,5 @@
-//! The contributions of light paths to the matrix: row by row from each start pixel, in chunks, and all those that a process traced.
+//! The contributions of light paths to the matrix. Each start pixel has a row of contributions, consecutive rows form a chunk, and a share
+//! holds all contributions that one process traced.
 
 use std::ops::{Deref, Range};
 
@@ -13,7 +14,7 @@ use super::{LUMINANCE, project};
 use crate::error::Result;
 use crate::render::{Batch, MergeRequest, StartPixels, TraceSettings, TraceSummary, Tracer};
 
-/// The maximum number of classes of bounces: either one, two, and more; or one, and more.
+/// The maximum number of classes of bounces. The classes are either one, two, and at least three bounces; or one, and at least two bounces.
 pub(super) const CLASSES: usize = 3;
 
 /// The position of a contribution within a row: the pixel at the other end of the path, and (in the lowest bits) its class of bounces.
@@ -23,10 +24,10 @@ pub(super) struct Key(u32);
 
 impl Key {
     const CLASS_BITS: u32 = 2;
-    /// Marks a single contribution from the second half of the samples that is not summed yet.
+    /// Marks a single contribution of the second half of the samples, before contributions are summed.
     const HALF: u32 = 1 << 31;
 
-    /// A key above all others.
+    /// A key that is larger than every valid key.
     pub(super) const END: Self = Self(u32::MAX);
 
     pub(super) fn new(other: u32, class: u32) -> Self {
@@ -34,12 +35,12 @@ impl Key {
         Self(other << Self::CLASS_BITS | class)
     }
 
-    /// The key with this number, which a device computed.
+    /// The key with this number. A device computed the number.
     pub(super) fn of_number(number: u32) -> Self {
         Self(number)
     }
 
-    /// The key of a single contribution from this half of the samples.
+    /// The key of a single contribution of this half of the samples.
     pub(super) fn of_half(self, half: usize) -> Self {
         Self(self.0 | (half as u32 * Self::HALF))
     }
@@ -66,7 +67,7 @@ impl Key {
     }
 }
 
-/// The paths from one pixel. A camera pixel is a row of the matrix, a projector pixel is a column.
+/// The contributions of the paths from one pixel. A camera pixel is a row of the matrix, and a projector pixel is a column.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Row {
     pub(super) pixel: u32,
@@ -74,7 +75,7 @@ pub(super) struct Row {
     pub(super) end: usize,
 }
 
-/// Rows of finished pixels in ascending order, each with its entries by ascending key.
+/// The rows of finished pixels, in ascending order of pixels. The terms of each row ascend by key.
 #[derive(Clone, Debug)]
 pub(super) struct Chunk<const C: usize> {
     pub(super) rows: Vec<Row>,
@@ -84,7 +85,7 @@ pub(super) struct Chunk<const C: usize> {
 #[derive(Clone, Debug)]
 pub(super) enum Terms<const C: usize> {
     Short(Vec<Term<C>>),
-    /// Terms on separate memory pages, which return to the system with the chunk.
+    /// Terms on separate memory pages. The system gets these pages back when the chunk is freed.
     Long(Pages<Term<C>>),
 }
 
@@ -131,21 +132,21 @@ impl<const C: usize> Term<C> {
     }
 }
 
-/// The terms of a row at these pixels. The terms must ascend.
+/// The terms of a row whose other pixel is in `pixels`. The terms must ascend by key.
 pub(super) fn at<'a, const C: usize>(terms: &'a [Term<C>], pixels: &Range<usize>) -> &'a [Term<C>] {
     &terms[places(terms, pixels)]
 }
 
-/// The index range of a row's terms at these pixels. The terms must ascend.
+/// The index range of a row's terms whose other pixel is in `pixels`. The terms must ascend by key.
 pub(super) fn places<const C: usize>(terms: &[Term<C>], pixels: &Range<usize>) -> Range<usize> {
     let place = |pixel: usize| terms.partition_point(|term| (term.key.other() as usize) < pixel);
     place(pixels.start)..place(pixels.end)
 }
 
-/// The size in bytes of terms that become a long chunk.
+/// Chunks whose terms have at least this size in bytes are long.
 const LONG: usize = 4 << 20;
 
-/// Chunks in order. Short chunks are joined to long ones, so that each long chunk returns its memory to the system.
+/// Chunks in order. Short chunks are joined into long chunks, whose memory the system gets back when they are freed.
 #[derive(Debug)]
 pub(super) struct Chunks<const C: usize> {
     long: Vec<Chunk<C>>,
@@ -207,8 +208,8 @@ impl<const C: usize> Chunk<C> {
         self.rows.iter().zip(starts).map(|(&row, start)| (row, &self.terms[start..row.end]))
     }
 
-    /// Whether the rows are some of these `pixels` in ascending order. The entries of each row must ascend, and each must have one of
-    /// `classes` classes and be at one of `others` pixels.
+    /// Whether the rows belong to different pixels of `pixels`, in ascending order. The keys of each row must ascend, and each key must
+    /// have one of `classes` classes and one of `others` pixels at the other end.
     pub(super) fn is_of(&self, pixels: &Range<usize>, others: usize, classes: usize) -> bool {
         let is_row = |(row, terms): (Row, &[Term<C>])| {
             pixels.contains(&(row.pixel as usize))
@@ -219,7 +220,7 @@ impl<const C: usize> Chunk<C> {
         self.rows.is_sorted_by(|a, b| a.pixel < b.pixel) && self.rows().all(is_row)
     }
 
-    /// Every contribution: its start pixel, whether that is a camera pixel, its key, and the bits of its values.
+    /// All contributions. Each has its start pixel, whether the start pixel belongs to the camera, its key, and the bits of its values.
     pub(super) fn contributions(&self) -> impl Iterator<Item = (u32, bool, Key, [[u32; C]; 2])> + '_ {
         self.rows().flat_map(|(row, terms)| {
             terms.iter().map(move |term| {
@@ -230,23 +231,23 @@ impl<const C: usize> Chunk<C> {
     }
 }
 
-/// The contributions of the light paths from some pixels: from all pixels, or from those that one process traces.
+/// The contributions of the light paths from some pixels: from all pixels, or only from the pixels of one process.
 #[derive(Clone, Debug)]
 pub(super) struct Share<const C: usize> {
     /// Contributions to the matrix in the order of the paths, the camera's pixels first.
     pub(super) found: Found<C>,
-    /// The direct light of each camera pixel that returns to the same pixel, with its error. It is empty if the rig is not coaxial.
+    /// For each camera pixel, the direct light that returns to the same pixel, with its error. It is empty if the rig is not coaxial.
     pub(super) direct: Vec<Estimates<C>>,
     /// The light that the scene itself emits towards each camera pixel, with its error.
     pub(super) ambient: Vec<Estimates<C>>,
-    /// Whether each endpoint has paths in both halves of the samples, so that the noise is known.
+    /// Whether each endpoint has paths in both halves of the samples. If so, the noise is known.
     pub(super) has_halves: bool,
     pub(super) summary: TraceSummary,
 }
 
 impl<const C: usize> Share<C> {
-    /// Traces the paths from `pixels`. If `split` is set, the second bounce and all later ones stay separate. `steps` are the steps in
-    /// which several processes merge the contributions.
+    /// Traces the paths from `pixels`. If `split` is set, light of two bounces and light of more bounces are separate classes. `steps` are
+    /// the steps in which several processes merge the contributions.
     pub(super) fn trace(
         tracer: &mut Tracer,
         settings: &TraceSettings,
@@ -281,14 +282,14 @@ impl<const C: usize> Share<C> {
             Ok(())
         })?;
         let found = rows.close();
-        // Combining needs the most memory of all steps.
+        // The next step, combining the contributions, needs the most memory.
         tracer.release_buffers();
         let direct = if tracer.symmetric(settings) { direct.estimates } else { Vec::new() };
         let ambient = ambient.estimates;
         Ok(Self { found, direct, ambient, has_halves, summary })
     }
 
-    /// Joins the shares of all parts, which must be in the order of their pixels. The time of tracing is that of the slowest part.
+    /// Joins the shares of all parts. The parts must be in the order of their pixels. The tracing time is the time of the slowest part.
     pub(super) fn joined(parts: Vec<Self>) -> Self {
         let (mut chunks, mut direct, mut ambient) = (Vec::new(), Vec::new(), Vec::new());
         let (mut has_halves, mut summary) = (true, TraceSummary::default());
@@ -305,14 +306,15 @@ impl<const C: usize> Share<C> {
 
 #[derive(Clone, Debug)]
 pub(super) struct Found<const C: usize> {
-    /// Chunks in the order of the paths. There is one list of all chunks, or one for each step if several processes merge them.
+    /// Chunks in the order of the paths. There is one list of all chunks, or one list for each merging step if several processes merge
+    /// them.
     pub(super) steps: Vec<Vec<Chunk<C>>>,
     pub(super) about: About,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct About {
-    /// The largest exponent of their values and errors. It determines the unit of their sums.
+    /// The largest exponent of the values and errors of all terms. It determines the unit of exact sums.
     pub(super) largest: u32,
     pub(super) of_class: [usize; CLASSES],
 }

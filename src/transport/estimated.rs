@@ -1,5 +1,5 @@
-//! Products with their errors, by tracing anew. With another seed than the matrix they are independent of it. They can therefore show how
-//! good an answer is that was computed with this matrix.
+//! Products with their errors, computed by tracing anew. If the seed differs from that of the matrix, the products are independent of the
+//! matrix, so they can show how good a result is that was computed with this matrix.
 
 use rayon::prelude::*;
 
@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::operator::{Adjoint, Direction, Operator, Symmetry, delegate};
 use crate::render::TraceSettings;
 
-/// The vectors that are multiplied in one pass over the light paths.
+/// The maximum number of vectors that are multiplied in one pass over the light paths.
 const TOGETHER: usize = 16;
 
 /// A product `y = P x` with its error.
@@ -19,10 +19,10 @@ const TOGETHER: usize = 16;
 pub struct EstimatedProduct {
     /// `y`, with an entry for each camera pixel.
     pub product: Vec<f64>,
-    /// One draw of the error of each entry. Its mean is 0, and its variance is the variance of `y` ([`super::Noise`]).
+    /// One random draw of the error of each entry. Its mean is 0, and its variance is the variance of the entry of `y` ([`super::Noise`]).
     pub error: Vec<f64>,
-    /// The quadratic form of [`Question::shift`] and its standard error, for a coaxial rig. The error is summed pixel by pixel, so it is
-    /// estimated from one number for each pixel.
+    /// For a coaxial rig, the quadratic form that [`Question::shift`] describes, and its standard error. The standard error is estimated
+    /// from one error sum for each pixel.
     pub quadratic: Option<[f64; 2]>,
 }
 
@@ -31,8 +31,9 @@ pub struct EstimatedProduct {
 pub struct Question<'a> {
     /// The pattern `x`, with an entry for each projector pixel. Entries may be negative.
     pub pattern: &'a [f64],
-    /// The number `s` of the form `xᵀ P x − s xᵀ D x`. The diagonal matrix `D` has the row sums of `P`. With `s = 0` the form is the
-    /// Rayleigh quotient of a vector of norm 1. If `s` is an eigenvalue of `D⁻¹ P` and `xᵀ D x = 1`, the form is the error of `s`.
+    /// The number `s` of the form `xᵀ P x − s xᵀ D x`, where the diagonal matrix `D` has the row sums of `P`. With `s = 0`, the form is the
+    /// Rayleigh quotient of a vector `x` of norm 1. If `s` is a computed eigenvalue of `D⁻¹ P` and `xᵀ D x = 1`, the form is the error of
+    /// `s`.
     pub shift: f64,
 }
 
@@ -41,7 +42,7 @@ pub struct Question<'a> {
 pub struct Squares {
     /// The sum of the squared differences between the photo and the prediction.
     pub difference: f64,
-    /// The sum of the squared errors of the photo. Noise adds this much to the other two sums.
+    /// The sum of the squared errors of the photo. Noise increases the sums `difference` and `product` by this much.
     pub noise: f64,
     /// The sum of the squares of the photo.
     pub product: f64,
@@ -50,8 +51,8 @@ pub struct Squares {
 }
 
 impl Squares {
-    /// The sums over the pixels of a prediction and a photo. `noise` is the sum of the photo's squared errors, which are taken to be spread
-    /// over the pixels like the differences.
+    /// The sums over the pixels of a prediction and a photo. `noise` is the sum of the squared errors of the photo. These errors are
+    /// assumed to be distributed over the pixels like the differences.
     pub fn new<'a>(
         prediction: impl IntoIterator<Item = &'a f64>,
         photo: impl IntoIterator<Item = &'a f64>,
@@ -72,9 +73,10 @@ impl Squares {
         Self { fourth: [sums.fourth[0], noise * noise * spread], ..sums }
     }
 
-    /// The number of standard errors by which the differences exceed what noise and errors of the norm `allowed` explain. The prediction
-    /// has noise of its own: `own` times the variance of the photo's noise. The fourth powers account for the heavy tails of light paths,
-    /// because a sum of squares scatters more if few pixels dominate it. A single pixel therefore never makes more than one standard error.
+    /// The number of standard errors by which the sum of squared differences exceeds its expectation. The expectation contains the noise of
+    /// the photo, the noise of the prediction, which has `own` times the variance of the photo's noise, and allowed errors of the norm
+    /// `allowed`. The fourth powers account for the heavy tails of light paths, because a sum of squares scatters more if few pixels
+    /// dominate it. A single pixel therefore never causes an excess of more than one standard error.
     pub fn excess(self, own: f64, allowed: f64) -> f64 {
         let expected = (1.0 + own) * self.noise;
         let excess = self.difference - expected - allowed * allowed;
@@ -82,16 +84,16 @@ impl Squares {
         if excess <= 0.0 || scatter > 0.0 { excess / scatter.max(f64::MIN_POSITIVE) } else { f64::INFINITY }
     }
 
-    /// The smallest error of the prediction, relative to the photo, for which [`Squares::excess`] is above `bound` in half of all cases. It
-    /// is infinite if the photo is only noise.
+    /// The smallest relative error of the prediction that this test can detect: for it, [`Squares::excess`] is above `bound` in half of all
+    /// cases. It is infinite if the photo is only noise.
     pub fn resolution(self, own: f64, bound: f64) -> f64 {
         let size = self.product - self.noise;
         let scatter = (1.0 + own) * (2.0 * self.fourth[1]).sqrt();
         if size > 0.0 { (bound * scatter / size).sqrt() } else { f64::INFINITY }
     }
 
-    /// The relative difference of the prediction without the noise of the photo, and this noise: `√(‖p − y‖² − ‖e‖²) / ‖y‖` and
-    /// `‖e‖ / ‖y‖`. It is `None` if the photo is only noise.
+    /// With the photo `y`, its error `e` and the prediction `p`: the relative difference without noise, `√(‖p − y‖² − ‖e‖²) / ‖y‖`, and the
+    /// relative noise, `‖e‖ / ‖y‖`. The result is `None` if the photo is only noise.
     pub fn relative(self) -> Option<[f64; 2]> {
         let size = self.product - self.noise;
         let shares = [(self.difference - self.noise).max(0.0), self.noise];
@@ -111,10 +113,11 @@ impl std::iter::Sum for Squares {
 }
 
 impl EstimatedProduct {
-    /// A sign test. At each pixel it compares the difference from a prediction with a draw of allowed errors: the noise of both, and errors
-    /// of the norm `allowed`, spread once like the noise and once evenly. The result is the number of standard errors by which the count of
-    /// pixels with the larger difference exceeds one half of all. For a right prediction, the difference and the draw have the same
-    /// distribution at each pixel, however heavy its tails are. Pixels of enormous noise, which dominate sums of squares, count once.
+    /// A sign test of a prediction. At each pixel, the test compares the difference between photo and prediction with a random draw of
+    /// allowed errors. Allowed are the noise of both, errors of the norm `allowed` that are distributed like the noise, and errors of the
+    /// same norm that are distributed evenly. The result is the number of standard errors by which the count of pixels with the larger
+    /// difference exceeds half of all pixels. If the prediction is right, the difference and the draw have the same distribution at each
+    /// pixel, however heavy its tails are. Unlike in sums of squares, a pixel of enormous noise counts only once.
     pub fn signs(&self, prediction: &[f64], own: f64, allowed: f64) -> f64 {
         let noise = self.error.iter().map(|error| error * error).sum::<f64>();
         let square = allowed * allowed;
@@ -140,13 +143,13 @@ impl EstimatedProduct {
     }
 }
 
-/// The same settings with another seed, which no other run of the program uses by accident.
+/// The same settings with another seed. No other run of the program uses this seed by accident.
 pub fn with_other_seed(settings: &TraceSettings) -> TraceSettings {
     TraceSettings { seed: settings.seed ^ 0x5eed_cafe, ..*settings }
 }
 
 impl Retraced<'_> {
-    /// The products of one part and channel with the patterns of `asked`. One pass over the light paths takes sixteen of them.
+    /// The products of one part and channel with the patterns of `asked`. One pass over the light paths computes up to sixteen products.
     ///
     /// # Errors
     /// [`Error::Dimension`] when a vector has another length; the errors of [`Transport::photograph`].
@@ -162,7 +165,7 @@ impl Retraced<'_> {
         }
         let mut found = Vec::with_capacity(asked.len());
         for asked in asked.chunks(TOGETHER) {
-            // Each number of patterns has its own loops, so a single pattern costs no more than necessary.
+            // The loops are compiled for each number of patterns, so a single pattern costs no more than necessary.
             found.extend(match asked.len() {
                 1 => self.estimated_block::<1>(part, channel, asked)?,
                 2 => self.estimated_block::<2>(part, channel, asked)?,
@@ -193,7 +196,7 @@ impl Retraced<'_> {
         let is_gray = self.channels == Channels::Luma;
         let project = |rgb: [f32; 3]| [if is_gray { luminance(rgb) } else { rgb[channel] }];
         self.each(way, project, &mut |contributions| {
-            // Each sum belongs to one task, which adds to it in path order.
+            // Each sum is assigned to one task, which adds the contributions in path order.
             let shares = sums.of(contributions.halves()).shares(rayon::current_num_threads());
             shares.into_par_iter().for_each(|mut share| {
                 contributions.entries(|run, row, column, &[value]| {
@@ -216,15 +219,15 @@ impl Retraced<'_> {
     }
 }
 
-/// `y = P x` for one part and channel, by light paths of the settings' seed. The errors of its products are known
-/// ([`Operator::standard_errors`]). For the transpose of a rig that is not coaxial, the error is not computed and is stated as 0.
+/// `y = P x` for one part and channel, computed from light paths with the seed of the settings. The errors of the products are known
+/// ([`Operator::standard_errors`]). For the transpose of a rig that is not coaxial, the error is not computed, and 0 is returned.
 pub struct EstimatedOperator<'a> {
     operator: RetracedOperator<'a>,
     errors: Vec<f64>,
 }
 
 impl<'a> EstimatedOperator<'a> {
-    /// The operator of a scene with its settings. `channel` is below [`Channels::count`].
+    /// The operator of a scene with its settings. `channel` must be below [`Channels::count`].
     pub fn new(retraced: Retraced<'a>, part: Part, channel: usize) -> Self {
         Self { operator: RetracedOperator { retraced, part, channel }, errors: Vec::new() }
     }
@@ -267,7 +270,7 @@ impl Adjoint for EstimatedOperator<'_> {
 /// The sums of both halves of the samples, for each pattern of a block.
 type HalfSums<const P: usize> = [[f64; P]; 2];
 
-/// Sums over the light paths. The paths from the camera and from the projector may have different weights.
+/// Sums over the light paths. The sample weights may differ between paths from the camera and paths from the projector.
 struct Sums<const P: usize> {
     rows: usize,
     symmetric: bool,
@@ -277,7 +280,7 @@ struct Sums<const P: usize> {
 struct WeightSums<const P: usize> {
     halves: Halves,
     products: Vec<HalfSums<P>>,
-    /// The sums of the quadratic form for a coaxial rig, by start pixel. Different start pixels are independent.
+    /// The sums of the quadratic form by start pixel, for a coaxial rig. The sums of different start pixels are independent.
     of_starts: Vec<HalfSums<P>>,
 }
 
@@ -330,7 +333,8 @@ impl<const P: usize> WeightSums<P> {
     }
 }
 
-/// One task's stripes of an array. Narrow stripes go to the tasks in turn, so each task gets an equal share of a batch's pixels.
+/// The stripes of an array that one task handles. Stripes are narrow and dealt to the tasks in turn, so each task gets an equal share of
+/// the pixels of a batch.
 struct Stripes<'a, T> {
     mine: Vec<&'a mut [T]>,
     /// For each stripe of the array, its index in `mine`, or an index beyond its end.

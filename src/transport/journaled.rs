@@ -1,4 +1,4 @@
-//! Products that are written to a journal before they are used, and are never computed twice.
+//! A journal for products. A product is written to the journal before it is used, so no product is computed twice.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,8 +7,8 @@ use crate::journal::{Journal, Key, Kind};
 use crate::observer::Observer;
 use crate::operator::{Adjoint, Direction, Operator, Product, Symmetry};
 
-/// An operator that keeps its products in a journal. Journaled products are read instead of computed.
-/// Operators of one source share a journal; their names state the part of the light and the channel.
+/// An operator that keeps its products in a journal. A product that is in the journal is read instead of computed. Operators of one source
+/// share a journal; the name of an operator states its part of the light and its channel.
 pub struct JournaledOperator<'a> {
     journal: &'a mut Journal,
     inner: Option<&'a mut dyn Adjoint>,
@@ -30,13 +30,13 @@ struct Keys {
 }
 
 impl<'a> JournaledOperator<'a> {
-    /// Keeps the products of `inner`. The journal's identity must name all else that they depend on.
+    /// Keeps the products of `inner`. The identity of the journal must name everything else on which the products depend.
     pub fn new(journal: &'a mut Journal, name: impl Into<String>, inner: &'a mut dyn Adjoint) -> Self {
         let shape = ([inner.rows(), inner.cols()], inner.symmetry());
         Self { journal, inner: Some(inner), name: name.into(), shape }
     }
 
-    /// Reads the journaled products of an operator of this name and shape. Any other product is an error.
+    /// Reads the journaled products of an operator of this name and shape. A product that is not in the journal is an error.
     pub fn replay(
         journal: &'a mut Journal,
         name: impl Into<String>,
@@ -74,8 +74,8 @@ impl<'a> JournaledOperator<'a> {
         Ok(products)
     }
 
-    /// Reads the products that are in the journal, computes the others in blocks of the inner operator's
-    /// size, and appends these in order. If a block fails, the blocks before it are in the journal.
+    /// Reads products that are in the journal. All other products are computed in blocks of the inner operator's block size, and appended
+    /// in order. If a block fails, the blocks before it are in the journal.
     fn block(&mut self, direction: Direction, from: &[&[f64]], to: &mut [&mut [f64]]) -> Result<()> {
         debug_assert_eq!(from.len(), to.len());
         let mut new: Vec<(usize, Keys)> = Vec::new();
@@ -113,7 +113,7 @@ impl<'a> JournaledOperator<'a> {
         Keys { pattern, product }
     }
 
-    /// Copies the product from the journal. Returns whether it was there.
+    /// Copies the product from the journal. Returns whether the journal has it.
     fn read(&mut self, key: Key, to: &mut [f64]) -> Result<bool> {
         let Some(stored) = self.journal.get(key)? else { return Ok(false) };
         if stored.payload.len() != size_of_val(to) {
@@ -127,7 +127,7 @@ impl<'a> JournaledOperator<'a> {
         Ok(true)
     }
 
-    /// Computes the products at these ascending indices as one block.
+    /// Computes as one block the products whose ascending indices are given.
     fn take(
         &mut self,
         direction: Direction,
@@ -145,7 +145,7 @@ impl<'a> JournaledOperator<'a> {
     fn append(&mut self, direction: Direction, keys: &Keys, to: &[f64]) -> Result<()> {
         let pattern = self.journal.pattern(&keys.pattern)?.to_string();
         let note = Note { operator: self.name.clone(), direction, pattern };
-        // Texts always have a JSON form.
+        // Strings always have a JSON form, so this cannot fail.
         let note = serde_json::to_vec(&note).unwrap_or_default();
         self.journal.append_buffered(Kind::Photo, keys.product, &note, &bytes(to))
     }

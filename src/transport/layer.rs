@@ -1,4 +1,4 @@
-//! The light of a given number of bounces as a sparse matrix.
+//! A layer: the light of a certain number of bounces, as a sparse matrix.
 
 use std::sync::OnceLock;
 
@@ -20,16 +20,16 @@ pub enum Bounces {
     Global,
 }
 
-/// A sparse part of the transport matrix, with `f32` weights per channel on a common sparsity pattern.
+/// The part of the transport matrix for some numbers of bounces. It is sparse, with one `f32` weight per entry and channel.
 #[derive(Clone, Debug)]
 pub struct Layer {
     bounces: Bounces,
     tiles: Tiles,
-    /// The transpose, which is computed when it is first needed.
+    /// The transpose, which is computed at first use.
     transpose: OnceLock<Box<Layer>>,
 }
 
-/// Two layers are equal if their entries are equal to the last bit. The cached transpose does not count.
+/// Two layers are equal if their entries are equal to the last bit. Cached transposes are not compared.
 impl PartialEq for Layer {
     fn eq(&self, other: &Self) -> bool {
         (self.bounces, &self.tiles) == (other.bounces, &other.tiles)
@@ -41,12 +41,12 @@ pub(super) fn square(value: f32) -> f64 {
 }
 
 impl Layer {
-    /// A layer of `cols` columns, with the rows of `pieces` one after the other.
+    /// A layer of `cols` columns. Its rows are the concatenated rows of `pieces`.
     pub(crate) fn new(bounces: Bounces, cols: usize, pieces: Vec<CompressedRows>) -> Self {
         Self::of_tiles(bounces, Tiles::new(cols, pieces))
     }
 
-    /// A symmetric layer. `pieces` has its rows on and above the diagonal, one after the other.
+    /// A symmetric layer. The concatenated `pieces` are its rows, from the diagonal to the right.
     pub(crate) fn symmetric(bounces: Bounces, pieces: Vec<CompressedRows>) -> Self {
         Self::of_tiles(bounces, Tiles::symmetric(pieces))
     }
@@ -55,7 +55,7 @@ impl Layer {
         Self { bounces, tiles, transpose: OnceLock::new() }
     }
 
-    /// The bounces of this light.
+    /// The numbers of bounces that this layer covers.
     pub fn bounces(&self) -> Bounces {
         self.bounces
     }
@@ -70,7 +70,7 @@ impl Layer {
         self.tiles.bytes()
     }
 
-    /// One channel as a compressed sparse matrix. It fails only if [`Csr`] rejects the layer's arrays.
+    /// One channel as a compressed sparse matrix. The call fails only if [`Csr`] rejects the layer's arrays.
     pub fn to_csr(&self, channel: usize) -> Result<Csr> {
         let CompressedRows { row_start, columns, weights } = self.to_rows();
         let weights = weights[channel].iter().map(|&weight| f64::from(weight)).collect();
@@ -93,9 +93,9 @@ impl Layer {
         })
     }
 
-    /// Stores the transpose's rows that this process holds, if a matrix is spread over several processes.
+    /// Stores the rows of the transpose that this process holds, if the matrix is spread over several processes.
     pub(super) fn keep_transpose(&self, transpose: Self) {
-        // A transpose that was stored before is the same.
+        // If a transpose is already stored, it is equal to this one.
         let _ = self.transpose.set(Box::new(transpose));
     }
 }

@@ -1,4 +1,4 @@
-//! The traced light transport matrix: a diagonal, and sparse layers by number of bounces.
+//! The traced light transport matrix: a diagonal, and sparse layers for different numbers of bounces.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -16,10 +16,10 @@ use crate::image::Resolution;
 use crate::operator::{Adjoint, Direction, Operator, Symmetry};
 use crate::sparse::Csr;
 
-/// The rows of a task if the matrix has only a diagonal.
+/// The number of rows of a task if the matrix has only a diagonal.
 const BAND: usize = 4096;
 
-/// A part of the light that a product carries.
+/// A part of the light, selected by the number of bounces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Part {
     /// All light, `A`.
@@ -51,7 +51,7 @@ pub(super) struct Product {
     pub(super) channel: usize,
 }
 
-/// `A = diag(direct) + Σ layers`. It has a row for each camera pixel and a column for each projector pixel.
+/// `A = diag(direct) + Σ layers`, with a row for each camera pixel and a column for each projector pixel.
 ///
 /// The matrix of a coaxial rig is symmetric to the last bit, and so is each of its parts. Products are summed in `f64`, in an order that
 /// does not depend on the number of threads.
@@ -62,12 +62,12 @@ pub struct TransportMatrix {
     /// The diagonal, `[channel][pixel]`. It is empty if the rig is not coaxial.
     pub(crate) direct: Vec<Vec<f32>>,
     pub(crate) layers: Vec<Layer>,
-    /// The rows that this process and its layers hold: all rows, unless the matrix is spread over several processes.
+    /// The rows that this process holds in its layers. It holds all rows, unless the matrix is spread over several processes.
     pub(super) rows: Range<usize>,
     pub(super) spread: Option<Arc<Spread>>,
 }
 
-/// Two matrices are equal if their entries are equal to the last bit. Both must be whole, or have the same rows.
+/// Two matrices are equal if their entries are equal to the last bit. Both must have all rows, or both must have the same rows.
 impl PartialEq for TransportMatrix {
     fn eq(&self, other: &Self) -> bool {
         (self.rig, self.channels, &self.rows) == (other.rig, other.channels, &other.rows)
@@ -118,7 +118,7 @@ impl TransportMatrix {
         self.spread.as_ref().map_or(1, |spread| spread.pixels.len())
     }
 
-    /// The diagonal of `channel`: direct light that returns to its own pixel through a pinhole. It has `n` values, or none if not coaxial.
+    /// The diagonal of `channel`: direct light that returns to its own pixel through a pinhole. It is empty if the rig is not coaxial.
     pub fn direct(&self, channel: usize) -> &[f32] {
         &self.direct[channel]
     }
@@ -128,9 +128,10 @@ impl TransportMatrix {
         self.layers.iter().map(Layer::bounces)
     }
 
-    /// The sparse layers by number of bounces. The first is one bounce, unless the diagonal holds all of it. Then come two bounces and the
-    /// rest, in two layers or in one. The layers of a matrix that is spread over several processes are collected first, which takes the
-    /// memory of the whole matrix. [`Error::Team`](crate::Error::Team) means that another process sent something else.
+    /// The sparse layers by number of bounces. The first layer has light of one bounce, unless the diagonal holds all of that light. Light
+    /// of two bounces and light of more bounces follow, in two layers or in one. If the matrix is spread over several processes, all layers
+    /// are collected here first, which takes the memory of the whole matrix. [`Error::Team`](crate::Error::Team) means that another process
+    /// sent something else.
     pub fn layers(&self) -> Result<Cow<'_, [Layer]>> {
         match &self.spread {
             None => Ok(Cow::Borrowed(&self.layers)),
@@ -138,19 +139,20 @@ impl TransportMatrix {
         }
     }
 
-    /// `y ← P x` for the `part` `P` of one channel. `x` may be signed. `x` has an entry per projector pixel, `y` one per camera pixel.
+    /// `y ← P x` for the `part` `P` of one channel. `x` has an entry for each projector pixel, and may be negative. `y` has an entry for
+    /// each camera pixel.
     pub fn apply(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) {
         self.multiply(Product { direction: Direction::Forward, part, channel }, x, y);
     }
 
-    /// `x ← Pᵀ y`: the photo of the dual rig with exchanged camera and projector. `y` has an entry per camera pixel, `x` per projector
-    /// pixel.
+    /// `x ← Pᵀ y`, the photo of the dual rig, in which camera and projector are exchanged. `y` has an entry for each camera pixel, and `x`
+    /// for each projector pixel.
     pub fn apply_transpose(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) {
         self.multiply(Product { direction: Direction::Adjoint, part, channel }, y, x);
     }
 
-    /// `y_k ← P x_k` for each of `xs`, with the same bits as [`TransportMatrix::apply`]. The matrix is read once for four products. `ys`
-    /// and `xs` have the same length; each of `ys` has an entry for each camera pixel.
+    /// `y_k ← P x_k` for each vector of `xs`, with the same bits as [`TransportMatrix::apply`]. The matrix is read once for up to four
+    /// products. `ys` and `xs` have the same length. Each vector of `ys` has an entry for each camera pixel.
     pub fn apply_block(&self, part: Part, channel: usize, xs: &[&[f64]], ys: &mut [&mut [f64]]) {
         self.multiply_block(Product { direction: Direction::Forward, part, channel }, xs, ys);
     }
@@ -181,7 +183,7 @@ impl TransportMatrix {
         }
     }
 
-    /// This process's rows of a product, from row `first` of the product on.
+    /// Computes this process's rows of a product. The first of these rows is row `first` of the product.
     pub(super) fn multiply_own<V: Summable>(
         &self,
         Product { direction, part, channel }: Product,
@@ -194,7 +196,7 @@ impl TransportMatrix {
         let layers: Vec<&Layer> =
             layers.map(|layer| if transposed { layer.transpose() } else { layer }).collect();
         let direct = if part.holds(1) { self.direct[channel].as_slice() } else { &[] };
-        // All layers have the same number of rows, so their bands are equal.
+        // All layers have the same number of rows, so their bands have equal sizes.
         let rows = layers.first().map_or(BAND, |layer| layer.tiles().band_rows());
         to.par_chunks_mut(rows).enumerate().for_each(|(band, to)| {
             let of_band = first + band * rows..first + band * rows + to.len();
@@ -215,8 +217,8 @@ impl TransportMatrix {
         });
     }
 
-    /// The Frobenius norm of the `part` of one channel. Entries that several layers share count separately, which matters only if single
-    /// and multiple scattering link the same pixels.
+    /// The Frobenius norm of the `part` of one channel. If several layers have an entry at the same position, their squares are added
+    /// separately. This matters only if single and multiple scattering link the same pixels.
     pub fn frobenius_norm(&self, part: Part, channel: usize) -> f64 {
         let mut all = 0.0;
         for (at, layer) in self.layers.iter().enumerate().filter(|(_, layer)| part.has(layer.bounces())) {
@@ -229,8 +231,8 @@ impl TransportMatrix {
         all.sqrt()
     }
 
-    /// The `part` of one channel as a compressed sparse matrix, for example to write it to a file. An entry that several layers share is
-    /// their sum, rounded to `f32`. The call fails like [`TransportMatrix::layers`]; the constructor of [`Csr`] checks its arrays.
+    /// The `part` of one channel as a compressed sparse matrix, for example to write it to a file. Entries of several layers at the same
+    /// position are added and rounded to `f32`. The call fails like [`TransportMatrix::layers`], or if [`Csr`] rejects the arrays.
     pub fn to_csr(&self, part: Part, channel: usize) -> Result<Csr> {
         let layers = self.layers()?;
         let layers: Vec<CompressedRows> =
@@ -261,7 +263,8 @@ impl TransportMatrix {
     }
 }
 
-/// `y = P x` for one part and channel of a transport matrix. Each product is one photo. The processor multiplies four vectors at a time.
+/// `y = P x` for one part and channel of a transport matrix. Each product is one photo. The processor multiplies up to four vectors at
+/// once.
 #[derive(Clone, Copy, Debug)]
 pub struct MatrixOperator<'a> {
     matrix: &'a TransportMatrix,
@@ -272,7 +275,7 @@ pub struct MatrixOperator<'a> {
 }
 
 impl<'a> MatrixOperator<'a> {
-    /// An operator on the processor; see [`super::Assembled::operator`] for other backends. The channel is below [`Channels::count`].
+    /// An operator on the processor. [`super::Assembled::operator`] gives other backends. The channel must be below [`Channels::count`].
     pub fn new(matrix: &'a TransportMatrix, part: Part, channel: usize) -> Self {
         Self { matrix, device: None, part, channel }
     }
@@ -352,7 +355,7 @@ pub(super) fn deinterleave(values: &[Interleaved], to: &mut [&mut [f64]]) {
 mod tests {
     use super::*;
 
-    /// The vectors have more entries than two tasks take, and three vectors fill four places.
+    /// The vectors have more entries than two tasks process, and three vectors fill three of four places.
     #[test]
     fn vectors_of_several_tasks_are_interleaved_in_their_order() {
         let length = 2 * TASK + 7;

@@ -1,12 +1,12 @@
-//! The rows of the matrix, merged from the contributions of each pixel's paths and their transpose.
+//! Merges the rows of the matrix from the contributions of each pixel's paths and the transpose of these contributions.
 //!
 //! Let `F` be the matrix of contributions with a row for each start pixel. A coaxial rig has `A = F + Fᵀ`. If the projector stands apart,
-//! the rows of the camera's pixels are rows of `A`, and the rows of the projector's pixels are columns of `A`. The transpose comes one
-//! block at a time (`transpose`), without a second copy of `F`. A row of `A` is then the merge of two ascending rows, one of `F` and one of
-//! its transpose.
+//! the rows of `F` for camera pixels are rows of `A`, and the rows of `F` for projector pixels are columns of `A`. The transpose of `F` is
+//! computed one block of rows at a time (`transpose`), so there is no second copy of `F`. A row of `A` is then the merge of two ascending
+//! rows, one of `F` and one of its transpose.
 //!
-//! A whole coaxial matrix is symmetric, so only its triangle on and above the diagonal is merged. Contributions are needed for fewer and
-//! fewer rows: their memory is freed while the memory of the matrix grows.
+//! The whole matrix of a coaxial rig is symmetric, so only its triangle on and above the diagonal is merged. Contributions to finished rows
+//! are freed, so their memory shrinks while the memory of the matrix grows.
 
 use std::cmp::Ordering;
 use std::ops::Range;
@@ -19,33 +19,34 @@ use super::spread::Steps;
 use super::tiles::{CompressedRows, take};
 use super::transpose::Sources;
 
-/// The approximate number of contributions in one block, unless that makes too many blocks.
+/// The approximate number of contributions in one block. Blocks are larger if there would be more than `MOST_BLOCKS`.
 const BLOCK: usize = 1 << 21;
 
-/// The maximum number of blocks. Each block has to visit every pixel once.
+/// The maximum number of blocks. Each block takes one pass over all pixels.
 const MOST_BLOCKS: usize = 48;
 
 const ROWS_PER_TASK: usize = 64;
 
-/// The rows of a matrix while they are merged. Rows are counted from the first one that is merged.
+/// The rows of a matrix while they are merged. Row numbers start at 0 for the first of these rows.
 pub(super) struct Merging<'a, const C: usize> {
     pub(super) sources: Sources<C>,
     pairs: Pairs<'a>,
     first: usize,
     /// The number of contributions to each row.
     terms: Vec<u32>,
-    /// The diagonal of these rows, with mean and error for each channel, or empty.
+    /// The diagonal of these rows, with mean and error for each channel; empty if the matrix has no separate diagonal.
     direct: &'a [Estimates<C>],
     pub(super) squares: EntrySquares,
 }
 
-/// How often the square of an entry is counted. Over the whole matrix, each entry and its mirror image count once.
+/// The weight of the square of an entry in the sum over all entries. Over the whole matrix, each entry and its mirror image count once.
 #[derive(Clone, Copy)]
 pub(super) enum Pairs<'a> {
     /// The matrix is not symmetric.
     Apart,
-    /// The rows of this step are merged from the columns of this step and of later ones. Entries in columns of later steps count twice,
-    /// because the rows of later steps are not merged with the columns of this step. In a single step, those above the diagonal count twice.
+    /// The rows of this step are merged from the columns of this step and of later steps. An entry in a column of a later step counts
+    /// twice, because its mirror image is never merged. Within this step, entries above the diagonal count twice, and those below do not
+    /// count.
     Step(&'a Steps, usize),
 }
 
@@ -82,7 +83,7 @@ impl<'a, const C: usize> Merging<'a, C> {
         pieces
     }
 
-    /// Merges these rows of the contributions and of their transpose to rows of each layer. Calls must follow the order of the rows.
+    /// Merges these rows from the contributions and their transpose, for each layer. Calls must follow the order of the rows.
     fn merge(&mut self, rows: Range<usize>, classes: usize) -> Vec<CompressedRows> {
         let transposed = self.sources.transposed(&(self.first + rows.start..self.first + rows.end));
         let tasks: Vec<usize> = rows.clone().step_by(ROWS_PER_TASK).collect();
@@ -112,7 +113,7 @@ impl<'a, const C: usize> Merging<'a, C> {
     }
 }
 
-/// These rows in blocks of whole rows that are as full as possible. `terms` is the number of contributions to each row of the matrix.
+/// Divides these rows into blocks of whole rows that are as full as possible. `terms` is the number of contributions to each row.
 fn blocks(terms: &[u32], rows: &Range<usize>) -> Vec<Range<usize>> {
     let most = BLOCK.max(terms.iter().map(|&terms| terms as usize).sum::<usize>() / MOST_BLOCKS);
     let mut blocks = Vec::new();
@@ -129,7 +130,7 @@ fn blocks(terms: &[u32], rows: &Range<usize>) -> Vec<Range<usize>> {
     blocks
 }
 
-/// Joins the rows of several tasks into one piece. Its arrays are long, so the system gets their memory back when they are freed.
+/// Joins the rows of several tasks into one piece. The piece's arrays are long, so the system gets their memory back when they are freed.
 fn joined<const C: usize>(parts: Vec<CompressedRows>) -> CompressedRows {
     let count = parts.iter().map(|part| part.columns.len()).sum();
     let mut joined =
@@ -159,7 +160,7 @@ struct Merged<'a> {
 
 struct Entry<const C: usize> {
     column: u32,
-    /// Means and errors: `whole` of all light, and `global` of two or more bounces.
+    /// Means and errors: `whole` for all light, and `global` for light of two or more bounces.
     whole: Estimates<C>,
     global: Estimates<C>,
     has_direct: bool,
@@ -173,14 +174,14 @@ impl<const C: usize> Entry<C> {
 }
 
 impl<'a> Merged<'a> {
-    /// No rows yet, in `layers` layers. Nearly all of the `count` entries belong to the last layer.
+    /// No rows yet, in `layers` layers. Memory for `count` entries is reserved in the last layer, which gets nearly all of them.
     fn new<const C: usize>(layers: usize, count: usize, pairs: Pairs<'a>) -> Self {
         let room = |layer: usize| if layer + 1 == layers { count } else { 0 };
         let layers = (0..layers).map(|layer| CompressedRows::with_room(C, ROWS_PER_TASK, room(layer)));
         Self { layers: layers.collect(), pairs, squares: EntrySquares::default() }
     }
 
-    /// Merges one row: terms of equal column and class are summed in `f64`.
+    /// Merges one row. Terms of equal column and class are summed in `f64`.
     fn row<const C: usize>(
         &mut self,
         row: u32,
@@ -208,7 +209,7 @@ impl<'a> Merged<'a> {
             layer.weights.iter_mut().zip(sum).for_each(|(plane, [mean, _])| plane.push(mean as f32));
         });
         self.count(row, &entry);
-        // The diagonal entry of this row has only direct light.
+        // If `direct` is still there, the diagonal entry of this row has no other light.
         if direct.is_some() {
             self.count(row, &Entry::new(row, direct));
         }
@@ -232,8 +233,9 @@ impl<'a> Merged<'a> {
     }
 }
 
-/// Calls `visit` with each key of a row and of its mirror image in ascending order, and with the sum of its one or two entries. An entry of
-/// the matrix and its mirror image are sums of the same two numbers, so they agree to the last bit.
+/// Calls `visit` in ascending order with each key that occurs in a row of the contributions or in the same row of their transpose, and with
+/// the sum of its one or two terms. An entry of the matrix and its mirror image are sums of the same two numbers, so they agree to the last
+/// bit.
 fn each_key<const C: usize>(own: &[Term<C>], mirrored: &[Term<C>], mut visit: impl FnMut(Key, Estimates<C>)) {
     let nothing = Term::none(Key::END);
     let (mut first, mut second) = (0, 0);
@@ -243,7 +245,7 @@ fn each_key<const C: usize>(own: &[Term<C>], mirrored: &[Term<C>], mut visit: im
         if key == Key::END {
             return;
         }
-        // The order of the two keys is random: a branch would often be predicted wrongly.
+        // Either key may be the smaller one, at random, so a branch would often be mispredicted.
         let has = next.map(|term| term.key == key);
         let [a, b] = [0, 1].map(|which| if has[which] { next[which] } else { &nothing });
         visit(
@@ -269,7 +271,7 @@ mod tests {
     use super::*;
     use crate::transport::RigShape;
 
-    /// Blocks follow one another and are as full as possible. A row with more contributions than a block may have is its own block.
+    /// Blocks follow one another and are as full as possible. A row with more contributions than a block allows is a block of its own.
     #[test]
     fn blocks_are_full_and_cover_all_rows() {
         let blocks = |terms: &[u32], rows: Range<usize>| blocks(terms, &rows);
@@ -278,7 +280,7 @@ mod tests {
         assert_eq!(blocks(&[half, half, 1, half, half - 1, half, 2], 1..4), [1..3, 3..4]);
         assert_eq!(blocks(&[3 * half, 3 * half, 1, 0, 3 * half, 0], 0..6), [0..1, 1..2, 2..4, 4..5, 5..6]);
         assert_eq!(blocks(&[0, 0], 0..2), vec![0..2]);
-        // A large matrix has larger blocks: at most 48 blocks, each with a 48th of all contributions, short of at most one row.
+        // A large matrix has larger blocks: at most 48, each with a 48th of all contributions, minus at most one row.
         let large = blocks(&[half; 480], 0..480);
         assert!(large.iter().all(|block| block.len() == 10) && large.len() == 48, "{large:?}");
     }

@@ -1,18 +1,19 @@
 //! Photos as products with the light transport matrix: `photo = A · pattern + ambient`.
 //!
 //! Light paths do not depend on the pattern, so [`assemble()`] traces them once and keeps them as a sparse matrix. Every later photo is a
-//! product with it ([`Assembled`]). [`Retraced`] traces anew for each photo and keeps nothing: a black box to check the matrix against.
-//! For equal settings both apply the same matrix `Â`, to rounding. [`predict`] tells whether the matrix will fit into memory.
+//! product with it ([`Assembled`]). [`Retraced`] traces anew for each photo and keeps nothing, so it is a black box to check the matrix
+//! against. For equal settings, both apply the same matrix `Â`, up to rounding. [`predict`] tells whether the matrix will fit into memory.
 //!
-//! Contributions are added up pixel by pixel as the paths come in (`rows`). Memory therefore grows with the entries of the matrix, not
-//! with the number of samples. Then rows and columns are merged, block by block (`merging`), and cut into `tiles` for fast products. The
-//! matrix of a coaxial rig is made from its triangle, so it is symmetric to the last bit. For any other rig, the matrix has a row for each
-//! camera pixel and a column for each projector pixel, and its transpose is the matrix of the dual rig. On a GPU with enough memory the
-//! matrix stays on the device, which then computes the products ([`Backend`]). Two independent halves of the samples show how far `Â` is
-//! from the truth ([`Noise`]).
+//! The values of the paths are summed for each pair of pixels as the paths come in (`rows`). Memory therefore grows with the entries of the
+//! matrix, not with the number of samples. Then these sums are merged into the rows of the matrix, block by block (`merging`), and the rows
+//! are cut into `tiles` for fast products. For a coaxial rig, only the triangle on and above the diagonal is computed and then mirrored, so
+//! the matrix is symmetric to the last bit. For any other rig, the matrix has a row for each camera pixel and a column for each projector
+//! pixel, and its transpose is the matrix of the dual rig, in which camera and projector are exchanged. On a GPU with enough memory, the
+//! matrix stays on the device, which then computes the products ([`Backend`]). The difference between two independent halves of the samples
+//! gives the standard error of `Â` ([`Noise`]).
 //!
-//! Many machines can trace a matrix with the same bits: in [`Shard`]s that are joined later, or as a team of processes that each keep a
-//! part ([`share_scene`]).
+//! Several machines can trace one matrix, with the same bits as a single machine. They either trace [`Shard`]s that are joined later, or
+//! form a team of processes that each hold a part of the matrix ([`share_scene`]).
 
 mod assembled;
 mod contributions;
@@ -53,7 +54,7 @@ use crate::image::{Image, LUMINANCE, Resolution};
 use crate::operator::Symmetry;
 use crate::sparse::Csr;
 
-/// A scene in front of a rig: a pattern is projected, and a photo is taken.
+/// A rig in front of a scene. It projects a pattern and takes a photo.
 pub trait Transport {
     /// The resolution of the projector and of its patterns.
     fn pattern_resolution(&self) -> Resolution;
@@ -71,8 +72,8 @@ pub trait Transport {
     fn photograph(&mut self, pattern: &Image) -> Result<Image>;
 }
 
-/// An explicit matrix (from a file, or made by the caller) as a rig of one channel. Photo and pattern have the same number
-/// of pixels. There is no ambient light.
+/// A rig of one channel whose matrix is given explicitly (from a file, or by the caller). Photo and pattern have the same number of pixels.
+/// There is no ambient light.
 #[derive(Clone, Debug)]
 pub struct ExplicitMatrix {
     matrix: Csr,
@@ -98,8 +99,8 @@ impl ExplicitMatrix {
         &self.matrix
     }
 
-    /// One part of a square matrix. Its diagonal is the direct light, as for a coaxial rig, and all else is the global
-    /// light. A well-formed matrix causes no error.
+    /// One part of a square matrix. The diagonal is the direct light, as for a coaxial rig, and all other entries are the global light. A
+    /// well-formed matrix causes no error.
     pub fn part_of(matrix: &Csr, part: Part) -> Result<Csr> {
         if part == Part::Full {
             return Ok(matrix.clone());
@@ -173,7 +174,7 @@ pub enum Channels {
 }
 
 impl Channels {
-    /// The channels of a photo with `count` channels. One channel is luminance.
+    /// The channels of an image with `count` channels. A single channel is luminance.
     pub(crate) fn of(count: usize) -> Self {
         if count == 1 { Self::Luma } else { Self::Rgb }
     }

@@ -1,21 +1,21 @@
-//! The noise of the frozen matrix, estimated from the difference between two independent halves of the samples.
+//! The noise of the traced matrix, estimated from the difference between two independent halves of the samples.
 
 use crate::error::Result;
 use crate::image::{Blur, Image};
 
-/// The standard deviation in pixels of the Gaussian neighbourhood that estimates a pixel's standard error. It averages about 28 squares.
+/// The standard deviation in pixels of the Gaussian that averages the squared errors around a pixel. It averages about 28 squares.
 const POOLED: f64 = 1.5;
 
-/// The noise of an estimate `Â = (n₁ Â₁ + n₂ Â₂)/N` from `N` samples per pixel in two independent halves.
+/// The noise of an estimate `Â = (n₁ Â₁ + n₂ Â₂)/N` from `N = n₁ + n₂` samples per pixel in two independent halves.
 ///
-/// `e = (Â₁ − Â₂) √(n₁ n₂)/N` has mean 0 and the variance of `Â`, entry by entry and in every linear function
-/// of the entries. It does not contain errors that both halves share, such as those of a photon map.
+/// `e = (Â₁ − Â₂) √(n₁ n₂)/N` has the mean 0 and the variance of `Â`. This holds for each entry, and for every linear function of the
+/// entries. Errors that both halves have in common, such as those of a photon map, are not included.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Noise {
-    /// The standard error of the photo under an all-ones pattern, pixel by pixel, in W/(m² sr), without ambient light. Each value is `|e|`
-    /// of a single draw; only the mean square over many pixels is accurate.
+    /// The errors of the photo under an all-ones pattern, pixel by pixel, in W/(m² sr), without ambient light. Each value is `|e|` of a
+    /// single draw, so only the mean square over many pixels is accurate.
     pub white: Image,
-    /// The root mean square of these errors over the pixels, relative to that of the photo.
+    /// The root mean square of `white` over the pixels, relative to the root mean square of the photo.
     pub white_relative: f64,
     /// `‖e‖_F/‖Â‖_F`: the relative error of the whole matrix.
     pub operator: f64,
@@ -32,7 +32,7 @@ impl From<&Noise> for crate::io::manifest::Noise {
 /// A mean and its error (`e` of [`Noise`]) in each of `C` channels.
 pub(super) type Estimates<const C: usize> = [[f64; 2]; C];
 
-/// The weights with which the samples of the two halves add up to a mean and its error.
+/// The weights of samples from the two halves. Weighted samples sum to a mean and its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Halves {
     mean: f64,
@@ -52,7 +52,7 @@ impl Halves {
         Self { mean, error }
     }
 
-    /// The weight of a sample in the mean, and the weights of samples of the two halves in the error.
+    /// The weight of a sample in the mean, then the weights in the error of a sample of the first half and of the second half.
     pub(super) fn weights(self) -> [f64; 3] {
         [self.mean, self.error[0], self.error[1]]
     }
@@ -65,7 +65,7 @@ impl Halves {
         value * self.error[half]
     }
 
-    /// The mean and its error from the sums over the samples of both halves.
+    /// The mean and its error, from the sums over the samples of each half.
     pub(super) fn estimate(self, [first, second]: [f64; 2]) -> [f64; 2] {
         [self.share(first) + self.share(second), self.error_share(0, first) + self.error_share(1, second)]
     }
@@ -76,8 +76,9 @@ impl Halves {
     }
 }
 
-/// The standard errors of the pixels of a photo from one draw of their errors. One draw says little about a single pixel. The result is
-/// therefore the root of the mean square over the surrounding pixels, weighted by a Gaussian of 1.5 pixels.
+/// The standard errors of the pixels of a photo, estimated from one draw of their errors. One draw says little about a single pixel.
+/// Therefore the standard error of a pixel is the root of the mean squared error of the pixels around it, weighted by a Gaussian of 1.5
+/// pixels.
 pub fn pooled(errors: &Image) -> Result<Image> {
     let blur = Blur::new(errors.resolution(), POOLED);
     let plane = |plane: Vec<f64>| -> Vec<f64> {
@@ -92,24 +93,25 @@ pub fn pooled(errors: &Image) -> Result<Image> {
     Image::from_planes(errors.resolution(), &planes)
 }
 
-/// `‖error‖/‖value‖` from the squares of both norms; 0 where both are 0.
+/// `‖error‖/‖value‖`, computed from the squares of both norms. It is 0 if both norms are 0.
 pub(super) fn relative(error_squares: f64, value_squares: f64) -> f64 {
     if error_squares == 0.0 { 0.0 } else { (error_squares / value_squares).sqrt() }
 }
 
-/// The sums of the squares of values and errors over all entries of the matrix, including the diagonal. The order of the entries does not
-/// affect the bits, so each process and each thread adds the entries that it merges.
+/// The sums of the squares of values and errors over all entries of the matrix, including the diagonal. Their bits do not depend on the
+/// order of the entries, so each process and each thread adds the entries that it merges.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct EntrySquares {
-    /// The sums over the entries without light of one bounce: nearly all entries.
+    /// The sums over entries without light of one bounce, which are nearly all entries.
     indirect: [ExactSum; 2],
-    /// The sums over the entries with light of one bounce: first of all their light, then of their light of two or more bounces.
+    /// For entries with light of one bounce: the sums for all light of these entries. The next member has the sums for their light of two
+    /// or more bounces.
     direct: [ExactSum; 2],
     beside_direct: [ExactSum; 2],
 }
 
 impl EntrySquares {
-    /// The length of the sums in a message, in words.
+    /// The length of the sums in a message, in 64-bit words.
     pub(super) const WORDS: usize = 6 * ExactSum::WORDS;
 
     /// Adds the squares of the values and errors of one entry without light of one bounce, `times` times.
@@ -118,7 +120,7 @@ impl EntrySquares {
         add(&mut self.indirect, times, entry);
     }
 
-    /// Adds the squares of an entry with light of one bounce: of all its light, and of its light of two or more bounces.
+    /// Adds the squares of an entry with light of one bounce, both for all its light and for its light of two or more bounces.
     pub(super) fn add_direct<const C: usize>(
         &mut self,
         times: f64,
@@ -133,12 +135,12 @@ impl EntrySquares {
         self.sums_mut().zip(other.sums()).for_each(|(sum, other)| sum.add_all(other));
     }
 
-    /// The squares of the values and errors of all light.
+    /// The sums of squares of values and errors for all light.
     pub(super) fn whole(&self) -> [f64; 2] {
         [0, 1].map(|of| self.indirect[of].value() + self.direct[of].value())
     }
 
-    /// The squares of the values and errors of light of two or more bounces.
+    /// The sums of squares of values and errors for light of two or more bounces.
     pub(super) fn global(&self) -> [f64; 2] {
         [0, 1].map(|of| self.indirect[of].value() + self.beside_direct[of].value())
     }
@@ -147,7 +149,7 @@ impl EntrySquares {
         self.sums().flat_map(ExactSum::to_words).collect()
     }
 
-    /// The sums of [`EntrySquares::to_words`]; `None` for other words.
+    /// The sums that [`EntrySquares::to_words`] encoded; `None` for invalid words.
     pub(super) fn from_words(words: &[u64]) -> Option<Self> {
         let mut squares = Self::default();
         if words.len() != Self::WORDS {
@@ -179,15 +181,15 @@ fn add<const C: usize>(to: &mut [ExactSum; 2], times: f64, entry: &Estimates<C>)
 /// The number of exponents that one part of the sum covers.
 const PART: u32 = 32;
 
-/// A sum of nonnegative numbers without rounding. The order of the terms does not affect it, and sums of parts can be added. The parts may
-/// therefore come from any number of threads and processes.
+/// A sum of nonnegative numbers without rounding. It does not depend on the order of its terms, and partial sums can be added. The terms
+/// may therefore come from any number of threads and processes.
 ///
-/// A number is a multiple of a power of two, and is added to the part for its range of powers.
+/// A floating-point number is an integer times a power of two. The integer is added to the part that covers this power.
 #[derive(Clone, Debug, PartialEq)]
 struct ExactSum {
-    /// Multiples of `2^(32 part − 1075)`. A term adds less than 2⁸⁵, so 2⁴³ terms are possible.
+    /// Part `i` counts multiples of `2^(32 i − 1075)`. A term adds less than 2⁸⁵ to a part, so 2⁴³ terms are possible.
     parts: [u128; 64],
-    /// The sum of the infinite and NaN terms: zero, infinity or NaN.
+    /// The sum of infinite and NaN terms. It is 0 if there are none.
     beyond: f64,
 }
 
@@ -203,14 +205,14 @@ impl ExactSum {
     #[inline]
     fn add(&mut self, term: f64) {
         let bits = term.to_bits();
-        // The sign bit is 0, so these are the bits of the exponent.
+        // The sign bit is 0, so the shifted bits are those of the exponent.
         let exponent = (bits >> 52) as u32;
         if exponent >= 0x7ff {
             self.beyond += term;
             return;
         }
         let below = bits & ((1 << 52) - 1);
-        // Subnormal numbers have no leading bit, and share the exponent of the next larger numbers.
+        // Subnormal numbers have no implicit leading bit, and have the exponent of the smallest normal numbers.
         let whole = below | u64::from(exponent > 0) << 52;
         let exponent = exponent.max(1);
         let part = &mut self.parts[(exponent / PART) as usize];
@@ -222,11 +224,11 @@ impl ExactSum {
         self.beyond += other.beyond;
     }
 
-    /// The sum as a number. Its parts are added in a fixed order.
+    /// The sum as a floating-point number. The parts are added in a fixed order.
     fn value(&self) -> f64 {
         let value = |(part, &whole): (usize, &u128)| {
             let power = PART as i32 * part as i32 - 1075;
-            // For the first parts, the power of two alone is too small for an `f64`.
+            // The power of two of the first parts is too small for an `f64`, so it is split into two factors.
             let [first, second] = if power < -500 { [power + 500, -500] } else { [power, 0] };
             whole as f64 * 2_f64.powi(first) * 2_f64.powi(second)
         };
@@ -238,7 +240,7 @@ impl ExactSum {
         parts.chain([self.beyond.to_bits()]).collect()
     }
 
-    /// The sum of [`ExactSum::to_words`]; `None` for fewer words.
+    /// The sum that [`ExactSum::to_words`] encoded; `None` for too few words.
     fn from_words(words: &[u64]) -> Option<Self> {
         let (pairs, beyond) = words.as_chunks::<2>();
         let mut sum = Self { beyond: f64::from_bits(*beyond.first()?), ..Self::default() };
@@ -272,7 +274,7 @@ mod tests {
     #[test]
     fn unequal_halves_weigh_by_their_counts() {
         let [mean, error] = estimate(Halves::new(3, 3), [&[1.0, 3.0], &[0.0]]);
-        // Var(mean of 3) = σ²/3; the halves' means differ with variance σ²/2 + σ².
+        // Var(mean of 3) = σ²/3. The difference of the halves' means has the variance σ²/2 + σ².
         let scale = ((1.0 / 3.0) / (1.0 / 2.0 + 1.0_f64)).sqrt();
         assert!((mean - 4.0 / 3.0).abs() < 1e-15 && (error - 2.0 * scale).abs() < 1e-15, "{mean}, {error}");
         let [_, error] = estimate(Halves::new(3, 3), [&[2.0, 2.0], &[2.0]]);
@@ -281,7 +283,7 @@ mod tests {
 
     #[test]
     fn a_projectors_paths_are_divided_by_the_cameras_samples() {
-        // Sums over four paths are divided by the camera's eight samples, so mean and error are half as large.
+        // Sums over four paths are divided by the camera's eight samples, so mean and error are half as large as with a division by four.
         let [mean, error] = estimate(Halves::new(8, 4), [&[1.0, 3.0], &[0.0, 0.0]]);
         assert_eq!([mean, error], [0.5, 0.5]);
     }
@@ -326,7 +328,7 @@ mod tests {
             terms.sort_by(f64::total_cmp);
             terms.iter().sum()
         };
-        // The tolerance is a thousand roundings of the other sum.
+        // The sum to compare with is rounded, so the tolerance is a thousand roundings.
         assert!((whole.value() - sorted).abs() <= 1000.0 * f64::EPSILON * sorted);
     }
 

@@ -1,4 +1,4 @@
-//! Photos by tracing anew for each one. No matrix is kept, so none has to fit into memory.
+//! Photos without a matrix: the scene is traced anew for each photo, so no matrix has to fit into memory.
 
 use rayon::prelude::*;
 
@@ -12,9 +12,9 @@ use crate::image::{Image, Resolution};
 use crate::operator::{Adjoint, Direction, Operator, Symmetry};
 use crate::render::{Batch, PIXEL_MASK, Run, TraceSettings, Tracer};
 
-/// A scene that is traced once per photo, with the same light paths. The host adds up in path order, so photos repeat to the bit.
+/// A scene that is traced once per photo, with the same light paths. The host sums in path order, so repeated photos are equal to the bit.
 pub struct Retraced<'a> {
-    /// The scene on its device. Its observer sees the steps of each photo, and may stop the photo.
+    /// The scene on its device. The tracer's observer sees the steps of each photo, and may stop the photo.
     pub tracer: &'a mut Tracer,
     /// The settings of the trace for each photo.
     pub settings: TraceSettings,
@@ -23,8 +23,9 @@ pub struct Retraced<'a> {
 }
 
 impl Retraced<'_> {
-    /// The photo of `pattern`, and its standard error pixel by pixel. The error is the halves' difference, as in [`super::Noise`], of this
-    /// photo with its ambient light. It is zero if there is only one path per pixel. The call fails like [`Transport::photograph`].
+    /// The photo of `pattern`, and its standard error pixel by pixel, ambient light included. The error comes from the difference between
+    /// the two halves of the samples, as in [`super::Noise`]. It is zero if there is only one path per pixel. The call fails like
+    /// [`Transport::photograph`].
     pub fn photograph_with_error(&mut self, pattern: &Image) -> Result<(Image, Image)> {
         let seen: Vec<Vec<[f64; 2]>> = self.see(pattern)?;
         let image = |value: fn(&[f64; 2]) -> f64| {
@@ -34,7 +35,7 @@ impl Retraced<'_> {
         Ok((image(|[mean, _]| *mean)?, image(|[_, error]| error.abs())?))
     }
 
-    /// The light from `pattern` that arrives, with the ambient light: `[channel][pixel]`.
+    /// The photo under the pattern, with the ambient light: `[channel][pixel]`.
     fn see<T: Tally>(&mut self, pattern: &Image) -> Result<Vec<Vec<T>>> {
         let lit = planes(pattern, self.pattern_resolution(), self.channels)?;
         match self.channels {
@@ -51,7 +52,7 @@ impl Retraced<'_> {
         Ok((0..C).map(|channel| seen.iter().map(|seen| seen[channel]).collect()).collect())
     }
 
-    /// The light from `K` patterns in one channel that arrives by the same paths, pixel by pixel.
+    /// The photos under `K` patterns in one channel, pixel by pixel. All patterns use the same light paths.
     fn products<const K: usize>(
         &mut self,
         way: Way,
@@ -65,7 +66,7 @@ impl Retraced<'_> {
         }
     }
 
-    /// Traces, and returns the light from `lit` that arrives, pixel by pixel. `project` converts a connection's colours to channels.
+    /// Traces, and returns the photo under the pattern `lit`, pixel by pixel. `project` converts the colour of a connection to channels.
     fn trace<const C: usize, T: Tally>(
         &mut self,
         way: Way,
@@ -86,10 +87,10 @@ impl Retraced<'_> {
         add: &mut (impl FnMut(&Contributions<C>) + Send),
     ) -> Result<()> {
         let samples = self.settings.samples;
-        // The contributions of the previous batch, which are read but not added up yet.
+        // The contributions of the previous batch. They are read, but not yet summed.
         let mut last: Option<Contributions<C>> = None;
         spread::trace(self.tracer, &self.settings, &mut |batch| {
-            // One core adds up the contributions in path order. Meanwhile the others read the next batch, which takes longer.
+            // One core sums the contributions in path order. Meanwhile the other cores read the next batch, which takes longer.
             let (read, ()) = rayon::join(
                 || Contributions::read(batch, samples, way, &project),
                 || last.iter().for_each(&mut *add),
@@ -121,8 +122,8 @@ impl Transport for Retraced<'_> {
     }
 }
 
-/// `y = P x` for one part and channel. The scene is traced anew for each product, or once for four vectors of a block. The matrix equals
-/// that of [`super::MatrixOperator`], to rounding.
+/// `y = P x` for one part and channel. The scene is traced anew for each product; up to four vectors of a block share one trace. The matrix
+/// equals that of [`super::MatrixOperator`], up to rounding.
 pub struct RetracedOperator<'a> {
     /// The scene.
     pub retraced: Retraced<'a>,
@@ -203,23 +204,23 @@ impl Tally for [f64; 2] {
     }
 }
 
-/// A batch's contributions to a photo in `C` channels. All cores read them in parallel. One core adds them up in path order.
+/// The contributions of a batch to a photo in `C` channels. All cores read them in parallel. One core sums them in path order.
 pub(super) struct Contributions<const C: usize> {
     halves: Halves,
     symmetric: bool,
-    /// Whether the paths start at the pixels that receive light. Otherwise they start at the pixels that send it.
+    /// Whether the paths start at the pixels that receive light. Otherwise they start at the pixels that send light.
     from_seeing: bool,
     parts: Vec<Read<C>>,
 }
 
 const RUNS: usize = 16;
 
-/// Kinds of contributions, as bits above those of the other pixel: direct light and ambient light. A connection has neither bit.
+/// The kind of a contribution, as bits above the bits of the pixel: direct light, ambient light, or a connection, which has neither bit.
 const DIRECT: u32 = 1 << 30;
 const AMBIENT: u32 = 1 << 31;
 
 impl<const C: usize> Contributions<C> {
-    /// Reads the records of a batch. Sums will be divided by `samples`. `project` computes the channels from RGB.
+    /// Reads the records of a batch. Values are divided by `samples`. `project` converts RGB to channels.
     pub(super) fn read(
         batch: &Batch<'_>,
         samples: u32,
@@ -235,7 +236,7 @@ impl<const C: usize> Contributions<C> {
         }
     }
 
-    /// `seen += P lit`, channel by channel, for this batch's contributions to `P`.
+    /// `seen += P lit` for each channel, with the contributions of this batch to `P`.
     pub(super) fn add_to<T: Tally>(&self, seen: &mut [[T; C]], lit: &[[f64; C]]) {
         let ambient = [1.0; C];
         self.entries(|run, to, from, value| {
@@ -246,8 +247,8 @@ impl<const C: usize> Contributions<C> {
         });
     }
 
-    /// Calls `entry` for each contribution with its run, the pixel that receives the light, the pixel that sends it, and the value. No pixel
-    /// sends ambient light.
+    /// Calls `entry` for each contribution with its run, the pixel that receives the light, the pixel that sends it, and the value. Ambient
+    /// light has no sending pixel.
     pub(super) fn entries(&self, mut entry: impl FnMut(&Run, usize, Option<usize>, &[f32; C])) {
         for (run, found) in self.parts.iter().flat_map(Read::runs) {
             let start = run.pixel as usize;
@@ -273,7 +274,7 @@ impl<const C: usize> Contributions<C> {
     }
 }
 
-/// The contributions of some runs' paths without zeros. Each has its kind and other pixel, and its value.
+/// The nonzero contributions of the paths of some runs. Each has its kind, the pixel at its other end, and its value.
 struct Read<const C: usize> {
     /// Each run, with the end index of its contributions.
     runs: Vec<(Run, usize)>,
@@ -294,7 +295,7 @@ impl<const C: usize> Read<C> {
         for run in runs {
             // No path has more contributions than slots.
             found.resize(end + run.paths.len() * batch.stride(), (0, [0.0; C]));
-            // A contribution that does not count is written, then overwritten: a branch would delay the load of the next record.
+            // A contribution that does not count is also written, and then overwritten: a branch would delay the load of the next record.
             let mut keep = |counts: bool, other: u32, color: [f32; 3]| {
                 let value = project(color);
                 found[end] = (other, value);

@@ -1,4 +1,4 @@
-//! Sums over the rows of the matrix, which determine its noise. The order of their terms has no effect.
+//! Sums over the rows of the matrix, from which the noise is computed. The sums do not depend on the order of their terms.
 
 use rayon::prelude::*;
 
@@ -6,18 +6,18 @@ use super::RigShape;
 use super::contributions::{Chunk, Row, Term};
 use super::noise::Estimates;
 
-/// The range of exponents, from the smallest to the largest, in which values are summed to the last bit. Smaller values lose bits that are
-/// below the last bit of the largest value.
+/// Values are summed exactly if their exponent is at most this much below the largest exponent. Of smaller values, the bits below one unit
+/// of the sum are lost.
 const POWERS: u32 = 70;
 
-/// The unit of sums: a power of two that depends only on the largest of all values, so the order of terms does not affect a sum.
+/// The unit of sums is a power of two. It depends only on the largest of all values, so a sum does not depend on the order of its terms.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
     lowest: u32,
     is_finite: bool,
 }
 
-/// The sums of the means and errors of contributions, as multiples of the unit. A term is less than 2⁹⁴ units, so 2³² terms are possible.
+/// The sums of means and errors of contributions, as multiples of the unit. A term is below 2⁹⁴ units, so 2³² terms cannot overflow.
 pub(super) type FixedSums<const C: usize> = [[i128; C]; 2];
 
 /// The exponent bits of a value. They never decrease as the magnitude grows.
@@ -30,7 +30,7 @@ pub(super) fn largest_exponent<const C: usize>(term: &Term<C>) -> u32 {
 }
 
 impl Scale {
-    /// The unit of sums of values whose largest exponent has these bits.
+    /// The unit for sums of values, if `largest` has the exponent bits of the largest value.
     pub(super) fn new(largest: u32) -> Self {
         Self { lowest: largest.saturating_sub(POWERS).max(1), is_finite: largest < 0xff }
     }
@@ -47,14 +47,14 @@ impl Scale {
     #[inline]
     fn units(self, value: f32) -> i128 {
         let bits = value.to_bits();
-        // Subnormal numbers have no leading bit, and share the exponent of the next larger numbers.
+        // Subnormal numbers have no implicit leading bit, and have the exponent of the smallest normal numbers.
         let whole = bits & 0x7f_ffff | u32::from(exponent(value) > 0) << 23;
         let exponent = exponent(value).max(1);
         let units = match exponent.checked_sub(self.lowest) {
             Some(power) => i128::from(whole) << power.min(POWERS),
             None => i128::from(whole.checked_shr(self.lowest - exponent).unwrap_or(0)),
         };
-        // Every bit of `sign` is the sign bit. A branch would be slow, because errors have either sign equally often.
+        // Every bit of `sign` is the sign bit. A branch would be slow, because positive and negative errors are equally frequent.
         let sign = -i128::from(bits >> 31);
         (units ^ sign) - sign
     }
@@ -71,7 +71,7 @@ pub(super) fn add_sums<const C: usize>(to: &mut FixedSums<C>, more: &FixedSums<C
     }
 }
 
-/// The sums of rows as numbers, with the direct light of the diagonal, which has one estimate for each row or none.
+/// The row sums as floating-point numbers, including direct light on the diagonal. `direct` has one estimate for each row, or is empty.
 pub(super) fn with_direct<const C: usize>(
     scale: Scale,
     sums: &[FixedSums<C>],
@@ -84,20 +84,21 @@ pub(super) fn with_direct<const C: usize>(
     sums
 }
 
-/// The sums of all tasks take at most a quarter of the memory of the contributions.
+/// The partial sums of all tasks together take at most one part in this many of the memory of the contributions.
 const MEMORY_SHARE: usize = 4;
 
 /// The number of pixels in a stripe. The sums of one stripe are close together in memory.
 const STRIPE: usize = 1 << 14;
 
-/// The values and errors of each row, from all paths of these chunks that start or end at its pixel, without the diagonal's direct light.
+/// For each row, the sum of the values and of the errors of all paths in these chunks that start or end at the pixel of the row. The
+/// diagonal's direct light is not included.
 pub(super) fn row_sums<const C: usize>(
     chunks: &[&Chunk<C>],
     rig: RigShape,
     scale: Scale,
 ) -> Vec<FixedSums<C>> {
     let all: usize = chunks.iter().map(|chunk| chunk.terms.len()).sum();
-    // Each task has sums of all rows. They are exact, so any division of the contributions among tasks gives the same result.
+    // Each task holds partial sums of all rows. Sums are exact, so the result does not depend on how contributions are divided among tasks.
     let of_task = rig.camera.pixels().max(1) * size_of::<FixedSums<C>>();
     let room = all * size_of::<Term<C>>() / (MEMORY_SHARE * of_task);
     let tasks = rayon::current_num_threads().min(room).max(1);
@@ -107,7 +108,7 @@ pub(super) fn row_sums<const C: usize>(
         let mut left: Vec<(Row, &[Term<C>])> = Vec::new();
         let mut before = 0;
         for chunk in chunks {
-            // A row belongs to the task in whose share it ends.
+            // The contributions are cut into equal shares. A row belongs to the task whose share contains the end of the row.
             let [first, end] = share.map(|share| chunk.rows.partition_point(|row| before + row.end <= share));
             left.extend((first..end).map(|row| (chunk.rows[row], chunk.row(row))));
             before += chunk.terms.len();
@@ -131,7 +132,7 @@ struct Partial<const C: usize> {
 }
 
 impl<const C: usize> Partial<C> {
-    /// Adds these contributions, stripe by stripe of the pixels at which their paths end.
+    /// Adds these contributions. End pixels are processed stripe by stripe.
     fn add_all(&mut self, mut left: Vec<(Row, &[Term<C>])>) {
         let pixels = self.rig.camera.pixels().max(self.rig.projector.pixels());
         for stripe in (STRIPE..pixels).step_by(STRIPE) {
@@ -145,7 +146,7 @@ impl<const C: usize> Partial<C> {
         left.into_iter().for_each(|(row, terms)| self.add(row, terms));
     }
 
-    /// Adds the contributions of the paths from a pixel to its own row, and to the rows of the pixels at which they end.
+    /// Adds the contributions of the paths from one pixel, both to this pixel's row and to the rows of the pixels at which the paths end.
     fn add(&mut self, row: Row, terms: &[Term<C>]) {
         let is_own = self.rig.symmetric || row.from_camera;
         let is_mirrored = self.rig.symmetric || !row.from_camera;
@@ -172,7 +173,7 @@ mod tests {
 
     #[test]
     fn sums_are_exact_in_any_order() {
-        // An `f32` sum that begins with the largest value would lose the small ones.
+        // A running `f32` sum that starts with the largest value would lose the small values.
         let values = [1.0, 2_f32.powi(-40), -0.75, 2_f32.powi(-40), -3e-9, 1e-30];
         let scale = Scale::new(values.iter().map(|&value| exponent(value)).max().unwrap_or(0));
         let sum = |values: &mut dyn Iterator<Item = f32>| {
@@ -185,7 +186,7 @@ mod tests {
         };
         let found = sum(&mut values.iter().copied());
         assert_eq!(found, sum(&mut values.iter().rev().copied()));
-        // The last value is below the unit.
+        // The last value is smaller than the unit.
         assert_eq!(found[0][0], 0.25 + 2_f64.powi(-39) - f64::from(3e-9_f32));
         assert_eq!(found[0][1], -found[0][0]);
         assert!(Scale::new(exponent(f32::NAN)).sums(&FixedSums::<1>::default())[0][0].is_nan());

@@ -1,4 +1,4 @@
-//! The contributions of the light paths from each pixel, summed pixel by pixel as the paths arrive.
+//! Sums the contributions of the light paths from each pixel as the paths arrive.
 
 use rayon::prelude::*;
 
@@ -8,12 +8,12 @@ use super::project;
 use super::spread::Steps;
 use crate::render::{Batch, End, Merged, Run, class};
 
-/// Tasks per thread that take in the terms of a dispatch.
+/// The number of parts per thread into which the terms of a dispatch are divided.
 const PARTS_OF_THREAD: usize = 4;
 
 const PIXELS_PER_TASK: usize = 16;
 
-/// The sums of all paths so far, as chunks in the order of the paths.
+/// The sums of all paths so far, as chunks in path order.
 #[derive(Debug)]
 pub(super) struct Rows<'a, const C: usize> {
     samples: u32,
@@ -21,7 +21,7 @@ pub(super) struct Rows<'a, const C: usize> {
     steps: Option<&'a Steps>,
     chunks: Vec<Chunks<C>>,
     about: About,
-    /// The last pixel. Its paths may not be complete yet.
+    /// The most recent pixel. More of its paths may follow.
     open: Option<Open<C>>,
 }
 
@@ -29,7 +29,7 @@ struct Task<const C: usize> {
     /// The finished pixels of each step.
     finished: Vec<Growing<C>>,
     about: About,
-    /// Memory for the connections of one pixel, and for sorting them.
+    /// Reusable memory for the connections of one pixel, and for sorting them.
     entries: Vec<Entry<C>>,
     spare: Vec<Entry<C>>,
 }
@@ -49,12 +49,12 @@ struct Open<const C: usize> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Start {
     pixel: u32,
-    /// Whether it is a camera pixel. Otherwise it is a pixel of a projector that stands apart.
+    /// Whether the start pixel belongs to the camera. Otherwise it belongs to a projector that stands apart.
     from_camera: bool,
     paths: u32,
 }
 
-/// One connection: its light, the other end of its path, and the half of the samples.
+/// One connection: its colour, the pixel at the other end of its path, and the half of the samples.
 #[derive(Clone, Copy, Debug)]
 struct Entry<const C: usize> {
     key: Key,
@@ -80,7 +80,7 @@ impl<'a, const C: usize> Rows<'a, C> {
         self.steps.map_or(0, |steps| steps.of(start, from_camera, key.other()))
     }
 
-    /// [`Rows::add`] for paths that are given as start pixel, half, and connections.
+    /// Works like [`Rows::add`], for paths that are given as start pixel, half, and connections.
     #[cfg(test)]
     pub(super) fn add_paths(
         &mut self,
@@ -93,7 +93,7 @@ impl<'a, const C: usize> Rows<'a, C> {
         self.add_by(&runs, (self.samples, from_camera), &Given { paths, from_camera }, project);
     }
 
-    /// Adds the connections of `paths`. `runs` lists all these paths in order. `samples` paths start from each pixel.
+    /// Adds the connections of `paths`. `runs` lists the runs of these paths in order. `samples` paths start from each pixel.
     fn add_by(
         &mut self,
         runs: &[Run],
@@ -104,7 +104,7 @@ impl<'a, const C: usize> Rows<'a, C> {
         let pixels: Vec<&[Run]> = runs.chunk_by(|a, b| a.pixel == b.pixel).collect();
         let Some((last, whole)) = pixels.split_last() else { return };
         let start = |runs: &[Run]| Start { pixel: runs[0].pixel, from_camera, paths: samples };
-        // The open pixel is complete, unless it is also the first one here.
+        // The open pixel is complete, unless the first run here continues it.
         let (open, closed) = match self.open.take() {
             Some(open) if open.start == start(runs) => (Some(open), None),
             other => (None, other),
@@ -123,7 +123,8 @@ impl<'a, const C: usize> Rows<'a, C> {
                 paths.ends_of(run, |end| {
                     let value = project(end.value);
                     let is_light = value.iter().fold(false, |any, &value| any | (value != 0.0));
-                    // A connection that does not count is written, then overwritten: a branch would delay the load of the next record.
+                    // A connection that does not count is also written, and then overwritten: a branch would delay the load of the next
+                    // record.
                     let key = Key::new(end.pixel, class(end.bounces, self.split)).of_half(run.half);
                     entries[count] = Entry { key, value };
                     count += usize::from(end.is_seen & is_light);
@@ -150,7 +151,7 @@ impl<'a, const C: usize> Rows<'a, C> {
     }
 
     fn add_merged(&mut self, merged: Merged<'_>, (paths, from_camera): (u32, bool)) {
-        // The earlier paths belong to other pixels.
+        // These terms belong to other pixels than the earlier paths, so the open pixel is complete.
         self.open.take().into_iter().for_each(|open| self.push(open));
         let finish = |part: &Merged<'_>| {
             let mut task = Task::<C>::new(self.chunks.len());
@@ -199,8 +200,8 @@ impl<'a, const C: usize> Rows<'a, C> {
         self.about = self.about.and(about);
     }
 
-    /// Sums the contributions of a complete pixel, the first `count` entries of a task. For each step, adds them as a row to the task's
-    /// chunk. A row without entries is left out.
+    /// Sums the contributions of a complete pixel, which are the first `count` entries of the task. For each step, the sums are appended as
+    /// a row to the task's chunk. Empty rows are left out.
     fn finish(&self, start: Start, count: usize, task: &mut Task<C>) {
         let Task { finished, about, entries, spare } = task;
         let halves = Halves::new(self.samples, start.paths);
@@ -250,7 +251,7 @@ impl<const C: usize> Growing<C> {
 trait Paths: Sync {
     fn most_ends(&self) -> usize;
 
-    /// Calls `to` with the far end of each connection of a run's paths, path by path. Ends outside of the field of view are included.
+    /// Calls `to` with the end of each connection of a run's paths, path by path. Ends outside the field of view are included.
     fn ends_of(&self, run: &Run, to: impl FnMut(End));
 }
 
@@ -287,10 +288,10 @@ impl Paths for Given<'_> {
     }
 }
 
-/// The fewest elements that are sorted by digits. For fewer elements, the counters of a digit take longer than comparisons.
+/// The fewest elements that are sorted by digits. Sorting fewer elements by comparisons takes less time than the counters of a digit.
 const FEWEST: usize = 48;
 
-/// The most bits of a digit. The counters take a small part of the first-level cache, and they are added up for each digit.
+/// The maximum number of bits of a digit. Its counters take a small part of the first-level cache, and are quickly summed.
 const MOST_BITS: u32 = 8;
 
 /// Sorts a few hundred elements by a small number, digit by digit. Elements of equal numbers keep their order. `spare` is reusable memory.
@@ -298,7 +299,7 @@ fn sort_by_number<T: Copy>(elements: &mut [T], spare: &mut Vec<T>, number: impl 
     if elements.len() < FEWEST {
         return elements.sort_by_key(number);
     }
-    // Only the bits that differ among the numbers need sorting.
+    // Only the bits that differ between the numbers are sorted by.
     let first = number(&elements[0]);
     let differing = elements.iter().fold(0, |bits, element| bits | (number(element) ^ first));
     if differing == 0 {
@@ -321,7 +322,7 @@ fn sort_by_number<T: Copy>(elements: &mut [T], spare: &mut Vec<T>, number: impl 
     }
 }
 
-/// Copies the elements to places in the order of a digit of at most [`MOST_BITS`] bits.
+/// Copies the elements to `to`, ordered by a digit of at most [`MOST_BITS`] bits.
 fn by_digit<T: Copy>(from: &[T], to: &mut [T], digit: impl Fn(&T) -> u32) {
     let digit = |element: &T| digit(element) as usize % (1 << MOST_BITS);
     let mut next = [0_u32; 1 << MOST_BITS];

@@ -1,4 +1,4 @@
-//! Predictions from short traces: the memory of a matrix or of a photo, and the time and memory of a matrix on several processes.
+//! Predicts from short traces the memory of a matrix or of a photo, and the time and memory of a matrix on several processes.
 
 use std::time::Instant;
 
@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 
-/// The pixels on the longer side of a pilot trace.
+/// The maximum number of pixels on a side of a pilot trace.
 const PILOT_SIDE: usize = 64;
 
 /// The settings of a trace of at most 64×64 pixels with one path each.
@@ -24,7 +24,7 @@ pub(super) fn pilot(settings: &TraceSettings) -> TraceSettings {
     }
 }
 
-/// The number of paths of this trace, and their mean number of connections.
+/// The number of paths of this trace, and the mean number of connections per path.
 pub(super) fn connections(tracer: &mut Tracer, pilot: &TraceSettings) -> Result<(u64, f64)> {
     let mut connections = 0_usize;
     let summary = tracer.trace(pilot, &mut |batch| {
@@ -34,7 +34,7 @@ pub(super) fn connections(tracer: &mut Tracer, pilot: &TraceSettings) -> Result<
     Ok((summary.paths, connections as f64 / summary.paths.max(1) as f64))
 }
 
-/// The predicted size of a matrix. It is an upper bound, apart from the sampling error of the pilot trace.
+/// The predicted size of a matrix. It is an upper bound, but may be too small by the sampling error of the pilot trace.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction {
     /// The number of connections.
@@ -43,8 +43,8 @@ pub struct Prediction {
     pub bytes: f64,
 }
 
-/// Predicts the memory for [`super::assemble()`]. If it could exceed `limit` bytes, a pilot of at most 64×64 pixels with one path each is
-/// traced, and the tracer's observer sees its steps. The call fails like [`Tracer::trace`].
+/// Predicts the memory for [`super::assemble()`]. If an upper bound of it exceeds `limit` bytes, a pilot of at most 64×64 pixels with one
+/// path each is traced, and the tracer's observer sees its steps. The call fails like [`Tracer::trace`].
 pub fn predict(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -53,7 +53,7 @@ pub fn predict(
 ) -> Result<Prediction> {
     let symmetric = tracer.symmetric(settings);
     let predict = |per_path| prediction(per_path, settings, channels, symmetric);
-    // A surface has at most two connections: a plain one, and a gathered one through a specular chain.
+    // A path has at most two connections from each surface: a plain one, and a gathered one through a specular chain.
     let most = predict(2.0 * f64::from(settings.max_bounces));
     if most.bytes <= limit as f64 {
         return Ok(most);
@@ -63,7 +63,7 @@ pub fn predict(
     Ok(predict(1.05 * per_path))
 }
 
-/// The largest share of the rows that become tiles at the same time, on up to four cores.
+/// The largest share of all rows that become tiles at the same time, on up to four cores.
 const LARGEST_GROUP: f64 = 0.125;
 
 fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels, symmetric: bool) -> Prediction {
@@ -72,21 +72,22 @@ fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels, symme
     let paths = pixels * f64::from(settings.samples);
     let channels = channels.count() as f64;
     let pairs = pixels * projector;
-    // Paths come from both endpoints, or each connection has a mirror image. There cannot be more entries than pairs of pixels.
+    // Either paths come from both endpoints, or each connection has a mirror image. There cannot be more entries than pairs of pixels.
     let from_one_end = (per_path * paths).min(pairs);
     let rows = if symmetric { from_one_end } else { 2.0 * from_one_end };
-    // When entries are summed pixel by pixel, each has a key, a mean and an error. In tiles, each has a 16-bit column and a weight; heads
-    // and padding of the slices take at most three more bytes. In between, a group of rows has its columns and weights in memory twice.
+    // While entries are summed pixel by pixel, each has a key, a mean and an error. In tiles, each entry has a 16-bit column and a weight;
+    // heads and padding of the slices take at most three more bytes per entry. While a group of rows becomes tiles, its columns and weights
+    // are in memory twice.
     let entries = (2.0 * from_one_end).min(pairs);
     let (found, tiles) = (rows * (4.0 + 8.0 * channels), entries * (5.0 + 4.0 * channels));
     let group = LARGEST_GROUP * entries * 2.0 * (4.0 + 4.0 * channels);
-    // The contributions to a triangle are freed while the tiles grow.
+    // In a triangle, contributions are freed while the tiles grow.
     let bytes = group + if symmetric { found.max(tiles) } else { found + tiles };
     Prediction { connections: per_path * paths * if symmetric { 1.0 } else { 2.0 }, bytes }
 }
 
-/// The memory in bytes of a photo that is traced without a matrix. One part grows with the pixels: patterns, sums over the light paths
-/// and results. The other part is constant. Measured photos of 512² to 2048² pixels took 1 to 10 % less.
+/// The memory in bytes of a photo that is traced without a matrix. It is the sum of a constant and a part that grows with the pixels:
+/// patterns, sums over the light paths, and results. Measured photos of 512² to 2048² pixels took 1 to 10 % less.
 pub fn photo_bytes(settings: &TraceSettings, channels: Channels) -> u64 {
     let camera = settings.resolution.pixels() as u64;
     let projector = settings.projector.unwrap_or(settings.resolution).pixels() as u64;
@@ -97,35 +98,36 @@ pub fn photo_bytes(settings: &TraceSettings, channels: Channels) -> u64 {
     (128 << 20) + per_pixel * camera.max(projector)
 }
 
-/// The probe's pixels on its longer side, and its maximum number of samples.
+/// The maximum number of pixels on the longer side of the probe's trace, and its maximum number of samples.
 const SIDE: usize = 128;
 const SAMPLES: u32 = 64;
 const REPEATS: u32 = 5;
-/// The entries of the timed vectors, more than the caches hold.
+/// The entries of the timed vectors, which are too long for the caches.
 const LONG: usize = 1 << 21;
 
 /// The memory in bytes of a process without a matrix: the program, software Vulkan and its kernels. Measured on Debian 12.
 const BASE: f64 = 130e6;
-/// The share of the rows that are merged and become tiles at the same time.
+/// The share of all rows that are merged and become tiles at the same time.
 const GROUP: f64 = 1.0 / 16.0;
-/// The peak of memory relative to the arrays in use at that time. It exceeds 1 because allocators keep freed memory. Measured with 512x512
-/// pixels and 256 samples: 1.0 in one process, 0.9 to 1.1 in each of four.
+/// The peak of memory relative to the arrays in use at that time. It exceeds 1 because allocators keep freed memory. With 512x512 pixels
+/// and 256 samples, 1.0 was measured in a single process, and 0.9 to 1.1 in each of four processes.
 const SLACK: f64 = 1.1;
 
-/// The measured constants of a scene on this machine. Times refer to all cores of this process together.
+/// The measured constants of a scene on this machine. Times are those of all cores of this process together.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Probe {
     /// Seconds to trace a light path.
     pub path: f64,
     /// Connections of a light path.
     pub connections: f64,
-    /// The share of all pixels that the paths of a pixel reach about evenly. It determines how many connections share an entry.
+    /// The share of all pixels that the paths of a pixel reach, if all reached pixels are taken to be equally likely. It determines how
+    /// many connections share an entry.
     pub reached: f64,
     /// Seconds to merge an entry into the matrix.
     pub merge: f64,
     /// Seconds to multiply an entry.
     pub multiply: f64,
-    /// Seconds to orthogonalize an entry of a vector against one other vector.
+    /// Seconds per entry to orthogonalize a vector against one other vector.
     pub orthogonalize: f64,
 }
 
@@ -134,11 +136,11 @@ pub struct Probe {
 pub struct Network {
     /// Bytes that a process can send per second.
     pub bandwidth: f64,
-    /// Seconds from sending a short message to its arrival.
+    /// Seconds between sending a short message and receiving it.
     pub latency: f64,
 }
 
-/// Time in seconds and memory in bytes of a computation on several processes, each like the process of the probe.
+/// The time in seconds and the memory in bytes of a computation on several processes. Each process is like that of the probe.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Scaled {
     /// The number of processes.
@@ -159,7 +161,7 @@ pub struct Scaled {
     pub products: f64,
     /// The time of sending patterns and receiving photos.
     pub messages: f64,
-    /// The time of the method's vector work, which the leader does alone.
+    /// The time of the Krylov method's vector operations, which the leader does alone.
     pub vectors: f64,
 }
 
@@ -187,7 +189,7 @@ impl Scaled {
 }
 
 impl Probe {
-    /// Assembles a small matrix of the scene in this process, and measures the time of each part. It fails like [`Tracer::trace`].
+    /// Assembles a small matrix of the scene in this process, and measures the time of each step. It fails like [`Tracer::trace`].
     pub fn measure(tracer: &mut Tracer, settings: &TraceSettings) -> Result<Self> {
         let small = |size: Resolution| {
             let scale = (SIDE as f64 / size.width.max(size.height) as f64).min(1.0);
@@ -200,7 +202,7 @@ impl Probe {
             samples: 1,
             ..*settings
         };
-        // This trace also compiles the kernels, so the next one measures tracing alone.
+        // This trace also compiles the kernels, so the next trace measures tracing alone.
         let (paths, per_path) = connections(tracer, &pilot)?;
         let pilot = TraceSettings { samples: settings.samples.min(SAMPLES), ..pilot };
         let all = tracer.start_pixels(&pilot);
@@ -223,7 +225,7 @@ impl Probe {
         })
     }
 
-    /// Predicts the time and memory of `photos` photos by a Krylov method on `processes` processes. Each photo is a product, and its vector
+    /// Predicts the time and memory of `photos` photos by a Krylov method on `processes` processes. Each photo is one product. Its vector
     /// is orthogonalized twice against all earlier vectors.
     pub fn scaled(
         &self,
@@ -237,7 +239,7 @@ impl Probe {
         let projector = settings.projector.unwrap_or(settings.resolution).pixels() as f64;
         let (channels, photos, count) = (channels.count() as f64, photos as f64, processes as f64);
         let paths = camera * f64::from(settings.samples) * if symmetric { 1.0 } else { 2.0 };
-        // The number of entries in one row. In a coaxial rig half of the contributions are mirrored.
+        // The number of entries in one row. In a coaxial rig, half of the contributions are mirror images.
         let of_row = |times: f64| {
             let reached = (self.reached * projector).max(1.0);
             reached * (1.0 - (-times * self.connections * f64::from(settings.samples) / reached).exp())
@@ -247,15 +249,14 @@ impl Probe {
         let contribution = 4.0 + 8.0 * channels;
         let entry = 4.0 + 4.0 * channels;
         let away = (count - 1.0) / count;
-        // In tiles, columns take half the memory, and a twentieth is padding. A group of rows that becomes tiles is in memory twice more.
+        // In tiles, columns take half the memory, and padding takes a twentieth. A group that becomes tiles is in memory two more times.
         let tiled = entries / count * (1.05 * (entry - 2.0));
         let group = GROUP * entries / count * 2.0 * entry;
         let own = found / count * contribution;
         let memory = if processes == 1 && !symmetric {
             group + tiled + own
         } else {
-            // Contributions are freed while the tiles grow. A step's contributions are in memory three more times: as sent, received and
-            // merged.
+            // Contributions are freed while the tiles grow. Those of one step are in memory three more times: as sent, received and merged.
             group + tiled.max(own) + 3.0 * own * away * GROUP
         };
         let message = |bytes: f64, steps: f64| steps * (bytes / network.bandwidth + network.latency);
@@ -278,7 +279,8 @@ impl Probe {
     }
 }
 
-/// The share of the `ends` pixels that a pixel's `connections` reach about evenly, if they hit `found` different pixels.
+/// The share of the `ends` pixels that a pixel's paths can reach. All reachable pixels are taken to be equally likely, and `connections`
+/// connections hit `found` different ones.
 fn reached(connections: f64, found: f64, ends: f64) -> f64 {
     let hit = |share: f64| {
         let reached = share * ends;
@@ -302,7 +304,7 @@ fn product_seconds(matrix: &TransportMatrix) -> f64 {
     start.elapsed().as_secs_f64() / f64::from(REPEATS)
 }
 
-/// The seconds per entry to subtract from a vector its component along another vector.
+/// The time in seconds, per entry, to subtract from a vector its component along another vector.
 fn vector_seconds() -> f64 {
     let (mut x, y) = (vec![1.0; LONG], vec![0.5; LONG]);
     let start = Instant::now();
@@ -348,7 +350,7 @@ mod tests {
     fn a_matrix_has_no_more_entries_than_the_pixels_that_are_reached() {
         let full = scaled(32, 1 << 20, 1);
         assert!((full.entries - 0.5 * 1024.0 * 1024.0).abs() < 1.0, "{}", full.entries);
-        // With few samples, doubling the paths doubles the entries: nearly all entries are different.
+        // With few samples, nearly all entries are different, so doubling the paths doubles the entries.
         let [few, more] = [1, 2].map(|samples| scaled(512, samples, 1).entries);
         assert!((more / few - 2.0).abs() < 1e-3);
     }
@@ -368,13 +370,13 @@ mod tests {
         let projector = Some(Resolution::new(20, 10));
         let settings = TraceSettings { projector, ..TraceSettings::new(Resolution::new(10, 10), 4) };
         let scaled = probe.scaled(&settings, Channels::Rgb, false, 6, (4, network));
-        // A row reaches 50 of 200 pixels. They are hit by 12 connections of its own paths and 12 of the projector's paths.
+        // A row reaches 50 of 200 pixels. 12 connections of the row's own paths hit them, and 12 connections of the projector's paths.
         let entries = 100.0 * 50.0 * (1.0 - (-24.0_f64 / 50.0).exp());
         let found = 2.0 * 100.0 * 50.0 * (1.0 - (-12.0_f64 / 50.0).exp());
-        // A contribution takes 4 bytes for its place and 24 for light. A matrix entry takes 4 and 12, and a tile halves the 4.
+        // A contribution takes 4 bytes for its position and 24 for its values. A matrix entry takes 4 and 12 bytes, and in a tile 2 and 12.
         let (own, tiled) = (28.0 * found / 4.0, 1.05 * 14.0 * entries / 4.0);
         assert!(own > tiled, "contributions are the larger of the two");
-        // A sixteenth of the rows is merged and becomes tiles at a time. Three quarters of its contributions come from other processes.
+        // A sixteenth of the rows is merged and becomes tiles at a time. Three quarters of their contributions come from other processes.
         let memory = own + 2.0 * 16.0 * entries / 4.0 / 16.0 + 3.0 * own * 0.75 / 16.0;
         let expected = [
             (scaled.entries, entries),
@@ -392,7 +394,7 @@ mod tests {
             // The results differ only in the order of additions and products.
             assert!((is - wanted).abs() <= 1e-12 * wanted, "part {place}: {is}, by hand {wanted}");
         }
-        // One process keeps the contributions of both ends beside the tiles, and exchanges nothing.
+        // A single process keeps the contributions of both endpoints beside the tiles, and exchanges nothing.
         let alone = probe.scaled(&settings, Channels::Rgb, false, 6, (1, network)).memory;
         let together = 4.0 * (own + tiled) + 2.0 * 16.0 * entries / 16.0;
         assert!((alone - BASE - 1.1 * together).abs() <= 1e-12 * alone, "{alone}, by hand {together}");
@@ -400,7 +402,7 @@ mod tests {
         assert!((scaled.seconds() - seconds).abs() <= 1e-12 * seconds);
     }
 
-    /// One process of a coaxial rig keeps the contributions to a triangle until they are tiles: 12 bytes each, against 6 bytes of an entry.
+    /// One process of a coaxial rig keeps contributions to the triangle (12 bytes each) until they become tiles (6 bytes for each entry).
     #[test]
     fn one_process_holds_contributions_or_tiles_whichever_are_more() {
         let (side, samples, of_row) = (512.0_f64 * 512.0, 256.0, 0.5 * 512.0 * 512.0);
@@ -430,7 +432,8 @@ mod tests {
         assert_eq!(bytes(16, 1 << 20), 65536.0 * (12.0 + 2.0), "no more than every pair of pixels");
     }
 
-    /// Three connections per path, two samples, 8×4 by 16×4 pixels in color: 192 connections from each end, in 2048 pairs of pixels.
+    /// There are three connections per path, two samples, and 8×4 by 16×4 pixels in color. This gives 192 connections from each endpoint,
+    /// in 2048 pairs of pixels.
     #[test]
     fn a_rig_apart_holds_contributions_of_both_ends_and_the_tiles() {
         let projector = Some(Resolution::new(16, 4));

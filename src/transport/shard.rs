@@ -1,7 +1,7 @@
-//! Shards of a matrix: light paths from some pixels that are traced separately, and the matrix of all shards together.
+//! A shard is a part of a matrix: the light paths from some pixels, traced separately. All shards together give the matrix.
 //!
-//! A matrix is the sum over its light paths, pixel by pixel. Independent machines trace the paths of some pixels each. Their contributions,
-//! in the order of the pixels, are the same that one machine would combine, so all bits are the same.
+//! A matrix is the sum over its light paths, pixel by pixel. Each of several independent machines traces the paths from some of the pixels.
+//! In the order of the pixels, their contributions equal those that a single machine would combine, so the matrix has the same bits.
 
 use std::io::{self, Read, Write};
 
@@ -15,10 +15,10 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
 
-/// The maximum number of parts in which a matrix is traced.
+/// The maximum number of parts into which the tracing of a matrix is divided.
 pub const MOST_PARTS: usize = 1 << 16;
 
-/// The longest side of a camera or projector, as for [`TraceSettings::check`].
+/// The maximum length of a side of a camera or projector in pixels, as in [`TraceSettings::check`].
 const LONGEST_SIDE: usize = 16384;
 
 /// Everything that describes a shard, without its contributions.
@@ -26,17 +26,17 @@ const LONGEST_SIDE: usize = 16384;
 pub struct ShardRecord {
     /// The number of this part, from 1 to `parts`.
     pub part: usize,
-    /// The number of parts into which all light paths are cut.
+    /// The number of parts into which the light paths are divided.
     pub parts: usize,
     /// The shape of the whole matrix.
     pub rig: RigShape,
     /// The channels of the matrix.
     pub channels: Channels,
-    /// Whether the second bounce and all later ones are separate layers.
+    /// Whether light of two bounces and light of more bounces are separate layers.
     pub split: bool,
     /// The pixels whose paths the shard contains.
     pub pixels: StartPixels,
-    /// Whether each endpoint has paths in both halves of the samples, so that the noise is known.
+    /// Whether each endpoint has paths in both halves of the samples. If so, the noise is known.
     pub has_halves: bool,
     /// The cost of tracing.
     pub summary: TraceSummary,
@@ -86,8 +86,8 @@ pub fn trace_shard(
     Ok(Shard { record, share })
 }
 
-/// The matrix of all shards, which may be in any order. It has the same bits as [`assemble_layers`](super::assemble_layers). Its time of
-/// tracing is that of the slowest shard.
+/// The matrix of all shards. The shards may be in any order. The matrix has the same bits as that of
+/// [`assemble_layers`](super::assemble_layers). Its tracing time is the time of the slowest shard.
 ///
 /// # Errors
 /// [`Error::Dimension`] unless the shards are all parts of one matrix, each exactly once.
@@ -130,7 +130,7 @@ impl Shard {
         &self.record
     }
 
-    /// Whether two shards have the same contributions to the last bit. The times of tracing may differ.
+    /// Whether two shards have the same contributions to the last bit. Their tracing times are not compared.
     pub fn has_bits_of(&self, other: &Self) -> bool {
         match (&self.share, &other.share) {
             (Channeled::Luma(a), Channeled::Luma(b)) => a.has_bits_of(b),
@@ -139,7 +139,7 @@ impl Shard {
         }
     }
 
-    /// Writes the contributions without the record. It fails if `to` fails.
+    /// Writes the contributions, but not the record. It fails if writing to `to` fails.
     pub fn write(&self, to: &mut impl Write) -> io::Result<()> {
         match &self.share {
             Channeled::Luma(share) => share.write(&self.record, to),
@@ -147,7 +147,7 @@ impl Shard {
         }
     }
 
-    /// Reads the contributions of a shard with this record from the next `bytes` bytes. `Err` says what is wrong with them.
+    /// Reads the contributions of a shard with this record from the next `bytes` bytes. The error text says what is wrong with the bytes.
     pub fn read(record: ShardRecord, from: &mut impl Read, bytes: u64) -> std::result::Result<Self, String> {
         record.check()?;
         let mut from = Reader::of(from, bytes);
@@ -161,7 +161,7 @@ impl Shard {
 }
 
 impl ShardRecord {
-    /// Checks that such a shard can exist. `Err` says why not.
+    /// Checks that a shard with this record can exist. The error text says why it cannot.
     pub fn check(&self) -> std::result::Result<(), String> {
         let RigShape { camera, projector, symmetric } = self.rig;
         let is_size = |Resolution { width, height }| {
@@ -181,7 +181,7 @@ impl ShardRecord {
         Ok(())
     }
 
-    /// The number of pixels at which paths from the camera and paths from the projector can end.
+    /// The numbers of pixels at which paths can end: first for paths from the camera, then for paths from the projector.
     fn others(&self) -> [usize; 2] {
         [self.rig.projector.pixels(), self.rig.camera.pixels()]
     }
@@ -223,7 +223,7 @@ impl<const C: usize> Share<C> {
         let bits = |estimates: &[Estimates<C>]| -> Vec<u64> {
             estimates.as_flattened().as_flattened().iter().map(|value| value.to_bits()).collect()
         };
-        // The division into chunks depends on the speed of the machine.
+        // How contributions are divided into chunks depends on the speed of the machine, so chunks are not compared.
         let [ours, theirs] = [self, other].map(|of| of.found.chunks().flat_map(Chunk::contributions));
         ours.eq(theirs)
             && bits(&self.direct) == bits(&other.direct)

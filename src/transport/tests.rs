@@ -1,4 +1,4 @@
-//! Rows and their combination for synthetic paths, in rigs that no shipped scene has.
+//! Tests of rows and matrices that are made of synthetic paths, for rigs that no shipped scene has.
 
 mod costs;
 mod device;
@@ -18,7 +18,7 @@ use crate::operator::{Adjoint, Operator};
 use crate::render::{Connection, StartPixels};
 use crate::team::{Comm, Threads, threads};
 
-/// Paths of one endpoint, the camera's first: each with its start pixel, its half of the samples, and its connections.
+/// The paths from the pixels of one endpoint. Each path has its start pixel, its half of the samples, and its connections.
 type Paths = Vec<(u32, usize, Vec<Connection>)>;
 
 const SAMPLES: u32 = 4;
@@ -52,13 +52,13 @@ fn from_projector(random: &mut Pcg64, camera: usize, projector: usize, most: u32
 fn found(paths: &[Paths], split: bool, steps: Option<&Steps>) -> Found<1> {
     let mut rows = Rows::new(SAMPLES, split, steps);
     for (paths, from_camera) in paths.iter().zip([true, false]) {
-        // Batches may end anywhere, also within a pixel.
+        // A batch may end anywhere, even within the paths of a pixel.
         paths.chunks(7).for_each(|batch| rows.add_paths(batch, from_camera, &|rgb| [rgb[0]]));
     }
     rows.close()
 }
 
-/// The layers, sums and squares of one process.
+/// The layers, row sums and sums of squares that a single process computes.
 fn combined(
     found: Found<1>,
     rig: RigShape,
@@ -89,7 +89,7 @@ fn matrix(rig: RigShape, paths: &[Paths], split: bool) -> TransportMatrix {
     TransportMatrix::new(rig, Channels::Luma, vec![Vec::new()], layers(found(paths, split, None), rig, split))
 }
 
-/// The dense matrix of these paths. Every connection is at its entry, and for a coaxial rig also at the mirrored entry.
+/// The dense matrix of these paths. A connection adds to its entry, and for a coaxial rig also to the mirrored entry.
 fn dense(rig: RigShape, paths: &[Paths], part: Part) -> Vec<f64> {
     let columns = rig.projector.pixels();
     let mut dense = vec![0.0; rig.camera.pixels() * columns];
@@ -120,7 +120,7 @@ fn with_lens() -> (RigShape, Vec<Paths>) {
     (rig, vec![from_camera(&mut Pcg64::seed_from_u64(4), 30, 30, 4)])
 }
 
-/// A rig with more pixels than become tiles at the same time.
+/// A rig with more pixels than the rows that become tiles at the same time.
 fn of_many_pixels() -> (RigShape, Vec<Paths>) {
     let resolution = Resolution::new(260, 130);
     let rig = RigShape { camera: resolution, projector: resolution, symmetric: true };
@@ -145,7 +145,7 @@ fn each_part_of_any_rig_is_the_sum_of_its_connections() {
                 let mut found = vec![0.0; expected.len()];
                 csr.entries().for_each(|(row, column, value)| found[row * csr.cols() + column] = value);
                 for (found, expected) in found.iter().zip(&expected) {
-                    // Values are rounded to f32 pixel by pixel, where rows meet columns, and where layers meet.
+                    // Values are rounded to `f32` three times: pixel by pixel, when rows and columns are merged, and when layers are added.
                     let bound = 3.0 * f64::from(f32::EPSILON) * expected;
                     assert!((found - expected).abs() <= bound, "{part:?}: {found} for {expected}");
                 }
@@ -166,7 +166,8 @@ fn the_transpose_is_the_dual_rig() {
             let (mut av, mut atu) = (vec![f64::NAN; 15], vec![f64::NAN; 28]);
             assert!(operator.apply(&v, &mut av).is_ok() && operator.apply_adjoint(&u, &mut atu).is_ok());
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-            // Each side has at most 15·28 products and sums, with terms that may cancel (Higham 2002, eq. 3.5).
+            // Each side is a sum of at most 15·28 products. Terms may cancel, so the bound is relative to their magnitudes (Higham 2002,
+            // eq. 3.5).
             let csr = matrix.to_csr(part, 0).unwrap_or_else(|error| unreachable!("{error}"));
             let magnitude: f64 = csr.entries().map(|(row, column, a)| (u[row] * a * v[column]).abs()).sum();
             let difference = (dot(&u, &av) - dot(&atu, &v)).abs();
@@ -208,7 +209,7 @@ fn some_rows_alone_are_those_of_the_whole() {
         let (whole, of_whole, squares_of_whole) = combined(found(&paths, true, None), rig, 3);
         let whole: Vec<_> = whole.iter().map(|tiles| tiles.to_rows()).collect();
         let camera = [0..4, 4..9, 9..9, 9..pixels];
-        // The projector's paths go to the processes in another way.
+        // The projector's pixels are divided among the processes in another way than the camera's.
         let lit = rig.projector.pixels();
         let own =
             camera.clone().into_iter().zip([0..lit / 2, lit / 2..lit / 2, lit / 2..lit - 3, lit - 3..lit]);
@@ -252,7 +253,7 @@ fn some_rows_alone_are_those_of_the_whole() {
 fn a_projector_of_more_pixels_than_the_camera_may_have_pixels_that_light_nothing() {
     let rig = RigShape { camera: Resolution::new(2, 1), projector: Resolution::new(4, 1), symmetric: false };
     let lit = Connection { camera: 1, projector: 0, bounces: 2, value: [3.0; 3] };
-    // The last two projector pixels are beyond the camera's, and light nothing.
+    // The camera has no pixels at the positions of the last two projector pixels, and these two light nothing.
     let camera = (0..2).map(|pixel| (pixel, 0, Vec::new())).collect();
     let projector = (0..4).map(|pixel| (pixel, 0, if pixel == 0 { vec![lit] } else { Vec::new() })).collect();
     let paths: [Paths; 2] = [camera, projector];
@@ -286,7 +287,7 @@ fn light_of_any_colour_counts_and_darkness_does_not() {
     assert_eq!(found, (0..5).map(|other| (other, colors[other as usize])).collect::<Vec<_>>());
 }
 
-/// Even a chunk of a single pixel is freed only when its pixel is done.
+/// Even a chunk of a single pixel is not freed before its pixel is done.
 #[test]
 fn how_contributions_are_cut_into_chunks_makes_no_difference() {
     let resolution = Resolution::new(64, 40);

@@ -1,8 +1,8 @@
-//! The contributions by rows of the matrix, and their transpose, block by block, on all cores.
+//! The contributions by rows of the matrix, and their transpose. All cores compute the transpose block by block.
 //!
-//! The rows of the contributions are divided among tasks with about equal numbers of entries. Each task keeps a cursor in
-//! each of its rows. The entries of a row ascend, so the cursors yield the transpose one block of rows at a time. Each
-//! task has consecutive rows, so a row of the transpose ascends if the tasks' parts follow one another.
+//! The rows of the contributions are divided among tasks with about equal numbers of entries. Each task keeps a cursor in each of its rows.
+//! Entries of a row ascend by pixel, so advancing the cursors yields the transpose one block of rows at a time. Each task has consecutive
+//! rows, so the entries of a transposed row ascend if the parts of the tasks are concatenated in order.
 
 use std::ops::Range;
 
@@ -11,13 +11,13 @@ use rayon::prelude::*;
 use super::RigShape;
 use super::contributions::{Chunk, Key, Term, Terms, places};
 
-/// Tasks per thread. While the triangle of a symmetric matrix is made, the first tasks run out of entries first.
+/// Tasks per thread. There are several, because in the triangle of a symmetric matrix the first tasks run out of entries first.
 const TASKS_A_THREAD: usize = 8;
 
-/// All contributions to some rows of the matrix, by the pixels at which their paths start.
+/// All contributions to some rows of the matrix, ordered by the pixel at which their paths start.
 pub(super) struct Sources<const C: usize> {
     chunks: Vec<Chunk<C>>,
-    /// For each of these rows, the contributions of paths from its pixel.
+    /// For each row, the location of the contributions of the paths that start at its pixel.
     own: Vec<Source>,
     tasks: Vec<Task>,
 }
@@ -31,17 +31,17 @@ struct Source {
 
 impl Source {
     fn terms<'a, const C: usize>(&self, chunks: &'a [Chunk<C>]) -> &'a [Term<C>] {
-        // A row without paths has no chunk.
+        // A row without contributions has a chunk index that does not exist.
         chunks.get(self.chunk as usize).map_or(&[], |chunk| &chunk.terms[self.entries.clone()])
     }
 }
 
-/// The rows that one task transposes, with the entries that are not transposed yet.
+/// The rows that one task transposes, with the entries that are not yet transposed.
 struct Task {
     left: Vec<Source>,
 }
 
-/// A task's part of some rows of the transpose.
+/// The part of some rows of the transpose that one task computes.
 pub(super) struct Transposed<const C: usize> {
     /// The index of the first term of each row, and the number of terms at the end.
     start: Vec<usize>,
@@ -55,8 +55,8 @@ impl<const C: usize> Transposed<C> {
 }
 
 impl<const C: usize> Sources<C> {
-    /// Divides the rows of all chunks among tasks. The chunks must have all contributions to these `rows`, and may have
-    /// others. With `triangle`, rows and transpose have only the part on and above the diagonal.
+    /// Divides the rows of all chunks among tasks. The chunks must contain all contributions to these `rows`, and may contain others. With
+    /// `triangle`, rows and transpose contain only entries on and above the diagonal.
     pub(super) fn new(chunks: Vec<Chunk<C>>, rig: RigShape, rows: &Range<usize>, triangle: bool) -> Self {
         let columns = rig.projector.pixels();
         let of_row = |number: usize, chunk: &Chunk<C>, at: usize| {
@@ -95,7 +95,7 @@ impl<const C: usize> Sources<C> {
         Self { chunks, own, tasks: Task::share_out(mirrored) }
     }
 
-    /// The number of contributions to each row, before any is taken. The first row is the row of the pixel `first`.
+    /// The number of contributions to each row, before any is transposed. The first row belongs to the pixel `first`.
     pub(super) fn counts(&self, first: usize) -> Vec<u32> {
         let rows = self.own.len();
         let none = || vec![0_u32; rows];
@@ -114,18 +114,18 @@ impl<const C: usize> Sources<C> {
         own.zip(mirrored).map(|(own, mirrored)| own + mirrored).collect()
     }
 
-    /// The entries of the paths from the pixel of a row, by ascending keys. Rows are counted from the first one.
+    /// The contributions of the paths from the pixel of a row, by ascending keys. Row 0 is the first row of these sources.
     pub(super) fn own(&self, row: usize) -> &[Term<C>] {
         self.own[row].terms(&self.chunks)
     }
 
-    /// The rows of the pixels `block` of the transpose, as the tasks' parts. Calls must be in the order of the blocks.
+    /// The transposed rows of the pixels `block`, one part for each task with entries there. Blocks must be requested in ascending order.
     pub(super) fn transposed(&mut self, block: &Range<usize>) -> Vec<Transposed<C>> {
         let Self { chunks, tasks, .. } = self;
         tasks.par_iter_mut().filter_map(|task| task.transpose(chunks, block)).collect()
     }
 
-    /// Frees the chunks whose pixels are all before `pixel`. These pixels must not be requested afterwards.
+    /// Frees the chunks whose pixels all come before `pixel`. The rows of these pixels must not be requested afterwards.
     pub(super) fn release_before(&mut self, pixel: usize) {
         let done = |chunk: &&mut Chunk<C>| chunk.rows.iter().all(|row| (row.pixel as usize) < pixel);
         self.chunks.iter_mut().take_while(done).for_each(|chunk| chunk.terms = Terms::default());
@@ -133,7 +133,7 @@ impl<const C: usize> Sources<C> {
 }
 
 impl Task {
-    /// Tasks with about equal numbers of entries of these rows. No row is empty.
+    /// Divides these rows among tasks with about equal numbers of entries. No row may be empty.
     fn share_out(rows: Vec<Source>) -> Vec<Self> {
         let entries: usize = rows.iter().map(|source| source.entries.len()).sum();
         let each = entries.div_ceil(TASKS_A_THREAD * rayon::current_num_threads()).max(1);
@@ -152,7 +152,7 @@ impl Task {
         tasks
     }
 
-    /// The rows of the pixels `block` of the transpose; `None` if they have no entries.
+    /// The transposed rows of the pixels `block`, from this task; `None` if there are no entries.
     fn transpose<const C: usize>(
         &mut self,
         chunks: &[Chunk<C>],
@@ -185,7 +185,7 @@ impl Task {
             }
             source.entries.start += taken;
         }
-        // The chunks of finished rows may be freed.
+        // Finished rows are dropped, because their chunks may be freed.
         self.left.retain(|source| !source.entries.is_empty());
         Some(Transposed { start, terms })
     }

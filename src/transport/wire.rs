@@ -1,5 +1,5 @@
-//! Arrays as bytes: messages between processes of one program, and the files of shards. Numbers have the byte order of the machine, which
-//! is little-endian wherever Vulkan runs.
+//! Converts arrays to bytes and back, for messages between processes of one program and for the files of shards. Numbers have the byte
+//! order of the machine, which is little-endian on every machine with Vulkan.
 
 use std::io::{self, Read, Write};
 use std::ops::Range;
@@ -16,7 +16,7 @@ use crate::team;
 #[derive(Debug)]
 pub(super) struct Garbled(pub(super) String);
 
-/// The error for bytes that are a message of another process.
+/// The error for an unreadable message from another process.
 pub(super) fn unread(Garbled(why): Garbled) -> Error {
     team::garbled(&why)
 }
@@ -57,7 +57,7 @@ impl<R: Read> Reader<R> {
         Ok(array)
     }
 
-    /// The next array. Each element has `C` numbers.
+    /// The next array, whose elements have `C` numbers each.
     fn take_channels<const C: usize>(&mut self) -> Result<Vec<[f32; C]>> {
         let length = self.length(size_of::<f32>())?;
         if length % C > 0 {
@@ -68,7 +68,7 @@ impl<R: Read> Reader<R> {
         Ok(array)
     }
 
-    /// The length of the next array. A length beyond the remaining bytes is an error.
+    /// The length of the next array. A length that exceeds the remaining bytes is an error.
     fn length(&mut self, element: usize) -> Result<usize> {
         let mut length = [0; 8];
         self.fill(&mut length)?;
@@ -95,7 +95,7 @@ fn other_lengths() -> Garbled {
     Garbled("its arrays have other lengths".into())
 }
 
-/// The contributions of some chunks to these `rows` as bytes, from the pixels of one endpoint.
+/// Encodes as bytes the contributions of these chunks to these `rows`, for start pixels of one endpoint.
 pub(super) fn chunks_to_bytes<const C: usize>(
     chunks: &[&Chunk<C>],
     from_camera: bool,
@@ -111,7 +111,7 @@ pub(super) fn chunks_to_bytes<const C: usize>(
     bytes
 }
 
-/// Writes the contributions of some chunks to these `rows`, from one endpoint's pixels. Pixels without any are left out.
+/// Writes the contributions of these chunks to these `rows`, for start pixels of one endpoint. Pixels without contributions are left out.
 pub(super) fn put_chunks<const C: usize>(
     to: &mut impl Write,
     chunks: &[&Chunk<C>],
@@ -141,7 +141,7 @@ pub(super) fn put_chunks<const C: usize>(
     put_words(to, entries, &wanted, |term| term.error.map(f32::to_bits))
 }
 
-/// Writes an array of the words that `part` takes from each of the `terms` terms of these rows.
+/// Writes an array. For each of the `terms` terms of these rows, it contains the words that `part` returns.
 fn put_words<const C: usize, const N: usize>(
     to: &mut impl Write,
     terms: usize,
@@ -233,7 +233,7 @@ pub(super) fn put_fragments(to: &mut Vec<u8>, fragments: &[Fragment]) -> io::Res
     Ok(())
 }
 
-/// Reads the fragments that [`put_fragments`] wrote, with `channels` weights per entry. Their rows are counted from `first_row`.
+/// Reads the fragments that [`put_fragments`] wrote, with `channels` weights per entry. Row numbers are relative to `first_row`.
 pub(super) fn take_fragments(
     from: &mut Reader<impl Read>,
     channels: usize,

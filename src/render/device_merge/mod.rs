@@ -1,11 +1,11 @@
-//! Contributions to the matrix, sorted and summed on the device. A dispatch then returns a list of terms. The records of its paths would be
-//! several times as long.
+//! Contributions to the matrix are sorted and summed on the device. A dispatch then returns a list of terms. Without this, it would return
+//! the records of its paths, which are several times as long.
 //!
 //! The key of a contribution is the pixel at the other end of its path and the class of its bounces. A radix sort orders the contributions
-//! of all paths from a pixel by key. Contributions of equal keys are summed in path order, in single precision. The host sums in double
-//! precision, so its terms differ by rounding alone ([`agree`]). Both sum the first large dispatch of a tracer, to detect wrong sums.
+//! of all paths from a pixel by key. Contributions with equal keys are summed in path order, in single precision. The host sums in double
+//! precision, so its terms differ only by rounding ([`agree`]). To detect wrong sums, host and device both sum the first large dispatch.
 //!
-//! A device that is the processor itself gains nothing: it reads records in place, and its sort would run on the same cores.
+//! If the device is the processor itself, nothing is gained: the host reads records in place, and the sort would run on the same cores.
 
 mod steps;
 #[cfg(test)]
@@ -19,26 +19,26 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::buffers::{Readback, Results};
 
-/// The most four-byte words of a buffer here: 128 MiB, which every device allows.
+/// The maximum number of four-byte words of a buffer here: 128 MiB, which every device allows.
 const MOST_WORDS: u64 = 1 << 25;
 
-/// Bytes between the parameters of two steps, a multiple of the alignment that devices require.
+/// The number of bytes between the parameters of consecutive steps. It is a multiple of the alignment that devices require.
 const STRIDE: u64 = 256;
 
 /// Bytes of the totals: the number of entries, the number of terms, and two unused words.
 const TOTALS: u64 = 16;
 
-/// The rules by which contributions become terms.
+/// How contributions become terms.
 pub(crate) struct MergeRequest<'a> {
     pub(crate) channels: usize,
     pub(crate) luminance: [f32; 3],
-    /// The classes of bounces, as in [`class`].
+    /// Whether light of two bounces is a separate class, as in [`class`].
     pub(crate) split: bool,
-    /// For a number of paths from each pixel: the weight of a sample in the mean, and the weights of samples of both halves in its error.
+    /// For a number of paths from each pixel: the weight of a sample in the mean, and the weights in the error of a sample of either half.
     pub(crate) weights: &'a dyn Fn(u32) -> [f64; 3],
 }
 
-/// The terms of a dispatch, in ascending order of the pixel that paths start from, and then of key.
+/// The terms of a dispatch. They ascend by the pixel at which paths start, and then by key.
 #[derive(Clone, Copy)]
 pub(crate) struct Merged<'a> {
     words: &'a [u32],
@@ -48,7 +48,7 @@ pub(crate) struct Merged<'a> {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MergedTerm<'a> {
-    /// The pixel that the paths of this term start from.
+    /// The pixel at which the paths of this term start.
     pub(crate) start: u32,
     /// The pixel at the other end of these paths, times four, plus the class of bounces.
     pub(crate) key: u32,
@@ -75,7 +75,7 @@ impl<'a> Merged<'a> {
         })
     }
 
-    /// The terms in about `count` parts. All terms of a pixel are in one part.
+    /// Divides the terms into about `count` parts. All terms of a pixel are in the same part.
     pub(crate) fn parts(&self, count: usize) -> Vec<Self> {
         let size = words_of_term(self.channels);
         let terms = self.words.len() / size;
@@ -103,16 +103,16 @@ fn words_of_term(channels: usize) -> usize {
 /// Whether a tracer lets its device sort and sum contributions.
 #[derive(Default)]
 pub(super) struct Trust {
-    /// The caller's choice. By default, only a device that is not the processor itself does so.
+    /// The caller's choice. By default, a device sorts and sums unless it is the processor itself.
     pub(super) asked: Option<bool>,
-    /// Whether the terms of a large dispatch were compared with the host's.
+    /// Whether the terms of a large dispatch have been compared with the host's terms.
     pub(super) is_checked: bool,
     pub(super) is_lost: bool,
     kernels: Option<Kernels>,
 }
 
 impl Trust {
-    /// The kernels, which are compiled when they are first needed.
+    /// The kernels, which are compiled at first use.
     pub(super) fn kernels(&mut self, gpu: &Gpu) -> Result<Kernels> {
         match &self.kernels {
             Some(kernels) => Ok(kernels.clone()),
@@ -132,7 +132,7 @@ pub(super) struct DeviceMerge {
     parameters: wgpu::Buffer,
     totals: Results,
     terms: Results,
-    /// Bind groups with the entries in the first of their buffers, and in the second one.
+    /// The bind groups: one with the entries in the first buffer, and one with the entries in the second.
     groups: [wgpu::BindGroup; 2],
     channels: usize,
     other_pixels: u64,
@@ -159,8 +159,8 @@ impl MergedView {
 }
 
 impl DeviceMerge {
-    /// Reserves room for the contributions of at most `paths` paths, whose records are in `records`. `None` where they do not fit, or where
-    /// a dispatch cannot have all paths of a pixel.
+    /// Allocates memory for the contributions of at most `paths` paths, whose records are in `records`. The result is `None` if they do not
+    /// fit, or if a dispatch cannot contain all paths of a pixel.
     pub(super) fn new(
         gpu: &Gpu,
         kernels: &Kernels,
@@ -225,7 +225,7 @@ impl DeviceMerge {
         self.totals.copy(encoder, TOTALS);
     }
 
-    /// Asks for the number of terms after `submission`. The first path of the dispatch is the first path of `first_pixel`.
+    /// Requests the number of terms after `submission`. The first path of the dispatch is the first path of `first_pixel`.
     pub(super) fn request(&self, submission: wgpu::SubmissionIndex, first_pixel: u32) -> MergeInFlight {
         MergeInFlight { totals: self.totals.request(TOTALS, submission), first_pixel }
     }
@@ -237,7 +237,7 @@ impl DeviceMerge {
         drop(view);
         self.totals.release();
         let words = terms as usize * words_of_term(self.channels);
-        // A read-back has some bytes, even without terms.
+        // A read-back must have some bytes, even without terms.
         let bytes = 4 * words.max(2) as u64;
         let submission =
             gpu.guarded("read-back of terms", || self.terms.submit(gpu, gpu.encoder(), bytes))?;
@@ -251,10 +251,10 @@ impl DeviceMerge {
     }
 }
 
-/// The number of contributions that the device sums before it adds their sum to the rest; `TOGETHER` of `shaders/merge_sums.wgsl`.
+/// The number of contributions that the device sums before it adds them to the earlier sum; `TOGETHER` of `shaders/merge_sums.wgsl`.
 const TOGETHER: f64 = 64.0;
 
-/// Roundings of a contribution besides the roundings of its sum: its luminance, its weight, and the sum of both halves.
+/// The roundings of a contribution apart from summation: its luminance, its weight, and the sum of both halves.
 const OTHER_ROUNDINGS: f64 = 8.0;
 
 pub(super) struct HostTerm {
@@ -275,7 +275,7 @@ impl HostTerm {
     }
 }
 
-/// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 is only the second bounce, and 2 is all later ones.
+/// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 means two bounces, and 2 means more.
 pub(crate) fn class(bounces: u32, split: bool) -> u32 {
     match bounces {
         1 => 0,
@@ -285,7 +285,7 @@ pub(crate) fn class(bounces: u32, split: bool) -> u32 {
     }
 }
 
-/// The terms of a batch, which has all paths of its pixels.
+/// The terms of a batch, as the host computes them. The batch must have all paths of its pixels.
 pub(super) fn host_terms(batch: &Batch<'_>, request: &MergeRequest<'_>) -> Vec<HostTerm> {
     let [mean, first, second] = (request.weights)(batch.samples());
     let mut found: Vec<(u32, u32, usize, [f32; 3])> = Vec::new();
@@ -322,8 +322,8 @@ pub(super) fn host_terms(batch: &Batch<'_>, request: &MergeRequest<'_>) -> Vec<H
     found.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).map(of_term).collect()
 }
 
-/// Whether the device's terms equal `expected` up to rounding. In a sum of `n` contributions, each is rounded at most about `64 + n/64`
-/// times, each time by at most 2⁻²⁴ of the sum.
+/// Whether the device's terms equal `expected` up to rounding. In a sum of `n` contributions, each contribution is rounded at most about
+/// `64 + n/64` times, each time by at most 2⁻²⁴ of the sum.
 pub(super) fn agree(merged: &Merged<'_>, expected: &[HostTerm]) -> bool {
     let mut left = expected.iter();
     let each = merged.terms().all(|term| {

@@ -1,4 +1,4 @@
-//! The kernels that process the contributions of a dispatch one after the other, with their parameters.
+//! The kernels that process the contributions of a dispatch in successive steps, with their parameters.
 
 use wgpu::{BindingType, BufferBindingType};
 
@@ -10,15 +10,15 @@ use crate::render::batch::RecordLayout;
 
 /// Threads of a workgroup; `LANES` of `shaders/shared/merging.wgsl`.
 const LANES: u32 = 256;
-/// The number of elements that a workgroup scans, and of entries that it sorts; `BLOCK` there.
+/// The number of elements that a workgroup scans, and of entries that it sorts; `BLOCK` of the same file.
 const BLOCK: u32 = 1024;
-/// The number of values of a digit; `DIGITS` there.
+/// The number of values of a digit; `DIGITS` of the same file.
 const DIGITS: u32 = 256;
-/// `NOTHING` there.
+/// `NOTHING` of the same file.
 const NOTHING: u32 = u32::MAX;
 
 const DIGIT_BITS: u32 = DIGITS.trailing_zeros();
-/// Lowest bits of a key, which hold the class of bounces.
+/// The number of the lowest bits of a key that hold the class of bounces.
 const CLASS_BITS: u32 = 2;
 
 /// The parameters of a step, in the layout of `Merging` in `shaders/shared/merging.wgsl`.
@@ -47,7 +47,7 @@ pub(super) struct MergeParameters {
 
 pub(super) struct MergeStep {
     pub(super) kernel: KernelName,
-    /// Whether the entries are in the second of their two buffers, and move to the first one.
+    /// Whether the entries are in the second of their two buffers, so that sorting moves them to the first one.
     pub(super) is_swapped: bool,
     pub(super) workgroups: u32,
     pub(super) parameters: MergeParameters,
@@ -77,7 +77,7 @@ pub(super) fn base_parameters(
     }
 }
 
-/// The steps from records to terms, for paths that end at one of `other_pixels` pixels.
+/// The steps that turn records into terms, for paths that end at one of `other_pixels` pixels.
 pub(super) fn all_steps(base: &MergeParameters, other_pixels: u64, layout: &RecordLayout) -> Vec<MergeStep> {
     let most = base.paths * layout.most_ends() as u32;
     let blocks = most.div_ceil(BLOCK);
@@ -86,7 +86,8 @@ pub(super) fn all_steps(base: &MergeParameters, other_pixels: u64, layout: &Reco
     steps.push(KernelName::CountContributions, base.paths.div_ceil(LANES), base);
     steps.scan(MergeParameters { elements: base.paths, total: 0, ..base });
     steps.push(KernelName::WriteContributions, base.paths.div_ceil(LANES), base);
-    // Entries are written by ascending start, and the sort keeps the order of equal digits, so starts are sorted last.
+    // Entries are written by ascending start pixel. The sort is stable, so digits of keys are sorted first, and digits of start pixels
+    // last.
     let key_bits = bits(other_pixels.saturating_sub(1)) + CLASS_BITS;
     let start_bits = bits(u64::from(base.paths / base.samples).saturating_sub(1));
     for (word, bits) in [(0, key_bits), (1, start_bits)] {
@@ -105,10 +106,10 @@ pub(super) fn all_steps(base: &MergeParameters, other_pixels: u64, layout: &Reco
     steps.all
 }
 
-/// The most steps of [`all_steps`]: keys of 30 bits and starts of 32 bits have eight digits.
+/// The maximum number of steps of [`all_steps`]. Keys of 30 bits and starts of 32 bits have eight digits.
 pub(super) const MOST_STEPS: usize = 4 + 4 * 8 + 4;
 
-/// The most counters of a step, and their sums by blocks.
+/// The maximum number of counters of a step, and the number of their sums by blocks.
 pub(super) fn counters(entries: u32, paths: u32) -> [u64; 2] {
     let counters = paths.max(entries).max(DIGITS * entries.div_ceil(BLOCK));
     [counters, counters.div_ceil(BLOCK)].map(u64::from)
@@ -134,7 +135,7 @@ fn bits(number: u64) -> u32 {
     u64::BITS - number.leading_zeros()
 }
 
-/// The kernels, in the order in which `Kernels` keeps them.
+/// The kernels, in the order of `Kernels`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum KernelName {
     CountContributions,
@@ -155,7 +156,7 @@ const SHADERS: [(&str, [&str; 2]); 4] = [
     ("merge_sums", ["mark_terms", "sum_terms"]),
 ];
 
-/// All kernels, which share one layout. Clones share them.
+/// All kernels, which have the same layout. Clones share the kernels.
 #[derive(Clone)]
 pub(in crate::render) struct Kernels {
     pipelines: Vec<wgpu::ComputePipeline>,

@@ -1,4 +1,4 @@
-//! Terms of synthetic records and of whole scenes, by the device and by the host.
+//! Compares the terms that the device and the host compute, for synthetic records and for whole scenes.
 
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
@@ -34,7 +34,7 @@ fn layout(samples: u32, direct: bool, gathers: bool) -> RecordLayout {
     }
 }
 
-/// Records of paths that end at some of `others`. One in `every` connections counts.
+/// Records of paths that end at some of `others`. One of `every` connections counts.
 fn records(
     random: &mut Pcg64,
     layout: &RecordLayout,
@@ -50,7 +50,7 @@ fn records(
                 0 => others[random.random_range(0..others.len())],
                 _ => NONE,
             };
-            // The upper bits hold the surfaces of the far chain.
+            // The upper bits hold the number of surfaces of the far specular chain.
             let chain = if pixel == NONE { 0 } else { random.random_range(0..2_u32) << 28 };
             let light = |random: &mut Pcg64| random.random_range(0.0..2.0_f32).to_bits();
             records[slot * paths + path] = [pixel | chain, light(random), light(random), 0];
@@ -59,7 +59,7 @@ fn records(
     records
 }
 
-/// Whether the device's terms of these records equal the host's, and their number.
+/// Whether the device's terms of these records equal the host's terms, and the number of terms.
 fn compared(
     gpu: &Gpu,
     layout: &RecordLayout,
@@ -178,12 +178,12 @@ fn traced(scene: &Scene, on_device: bool, channels: usize) -> (Vec<(u32, u32, f3
 
 #[test]
 fn a_scene_has_the_same_light_by_device_and_host() {
-    // Smooth surfaces have gathered connections.
+    // Scenes with smooth surfaces have gathered connections.
     for scene in [builtin::cornell().to_scene(), builtin::mirror().to_scene()] {
         let (mut by_host, none) = traced(&scene, false, 3);
         let (by_device, merged) = traced(&scene, true, 3);
         assert!(none == 0 && merged > 1, "{none}, {merged}");
-        // The host's positions, without those that have no light in any channel. `agree` compares the sums in the trace itself.
+        // The host's positions are compared, except those without light. During the trace, `agree` has already compared the sums.
         by_host.sort_by_key(|&(start, key, _)| (start, key));
         let sum = |all: &[(u32, u32, f32)]| all.iter().map(|&(.., value)| f64::from(value)).sum::<f64>();
         let (host, device) = (sum(&by_host), sum(&by_device));
@@ -193,7 +193,7 @@ fn a_scene_has_the_same_light_by_device_and_host() {
     }
 }
 
-/// The weights change from call to call, so that the host's sums differ from the device's.
+/// The weights change from call to call, so the host's sums differ from the device's.
 #[test]
 fn a_device_that_does_not_agree_leaves_the_sums_to_the_host() {
     let calls = std::sync::atomic::AtomicU32::new(1);

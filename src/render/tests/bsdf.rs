@@ -1,4 +1,4 @@
-//! BSDF samples: they follow their densities, report their own weight, and are reciprocal.
+//! Tests of BSDF samples: they follow their densities, report their own weights, and are reciprocal.
 
 use std::sync::LazyLock;
 
@@ -10,16 +10,15 @@ use super::support::{gpu, run};
 use crate::gpu::Gpu;
 
 const BINS: Sphere = Sphere { rings: 20, sectors: 40 };
-/// The test has 2²⁰ samples: a density that is wrong by 1 % over a tenth of the hemisphere fails.
+/// The number of samples. A density that is wrong by 1 % over a tenth of the hemisphere then fails the test.
 const SAMPLES: usize = 1 << 20;
-/// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, and 0.12 in `s` at a cosine of 0.05. Cells of
-/// 1/320 integrate it to 1e-4, a fraction of the counts' relative noise.
+/// The narrowest lobe here (α = 0.05) has a width of 0.03 in `t`, and of 0.12 in `s` at a cosine of 0.05. Cells of 1/320 integrate it with
+/// an error of 1e-4, a fraction of the counts' relative noise.
 const CELLS: usize = 16;
 static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| BINS.midpoints(CELLS));
 
-/// A sampler and its density in WGSL, as functions of `bsdf`, `wo` and `u` or `wi`. The fourth component of a
-/// sample is its kind: a delta lobe, `-1` for no sample, or `REGULAR` for the samples that the density
-/// describes.
+/// A sampler and its density in WGSL, as functions of `bsdf`, `wo` and `u` or `wi`. The fourth component of a sample is its kind: a delta
+/// lobe, `-1` for no sample, or `REGULAR` for samples with the given density.
 struct Sampler {
     sample: &'static str,
     density: &'static str,
@@ -98,7 +97,7 @@ fn p_value(gpu: &Gpu, sampler: &Sampler, bsdf: &Bsdf, cos_o: f64, seed: usize) -
         .collect();
     let [reflected, refracted, passed, _] = densities[points.len()].map(|p| SAMPLES as f64 * f64::from(p));
     expected.extend([reflected, refracted, passed]);
-    // The remaining probability belongs to the case without a sample.
+    // With the remaining probability, there is no sample.
     let left = SAMPLES as f64 - expected.iter().sum::<f64>();
     assert!(left > -1e-3 * SAMPLES as f64, "the density integrates to more than 1: {left}");
     expected.push(left.max(0.0));
@@ -210,14 +209,14 @@ fn samples_carry_their_own_density_and_weight() {
     let mut kinds = [0; 5];
     for [weight, pdf, length, kind] in &samples {
         kinds[(kind + 1.0) as usize] += 1;
-        // The difference is a handful of multiplications in another order.
+        // The two weights differ only by the order of a few multiplications.
         assert!(*weight <= 8.0 * f32::EPSILON, "a sample of kind {kind} has its weight wrong by {weight}");
         assert!(*pdf <= 2.0 * f32::EPSILON, "a sample of kind {kind} has its density wrong by {pdf}");
-        // The value is sin² + cos² of the device's sine and cosine, good to 2⁻¹¹ each by Vulkan's rules.
+        // The value is sin² + cos² of the device's sine and cosine, each of which Vulkan allows an error of 2⁻¹¹.
         assert!(length.abs() < 1e-3, "a sample of kind {kind} is too long by {length}");
     }
     println!("nothing, regular, reflected, refracted, passed: {kinds:?}");
-    // All kinds occur; few samples are lost.
+    // All kinds of samples occur, and few samples are lost.
     assert!(kinds[1..].iter().all(|&count| count > samples.len() / 40), "{kinds:?}");
     assert!(kinds[0] < samples.len() / 10, "{kinds:?}");
 }
@@ -241,14 +240,13 @@ fn surfaces_know_whether_they_have_regular_lobes() {
     let found = run(&gpu(), &source, &[], &[[0.0; 4]], 1 << 12);
     let none = found.iter().filter(|[regular, ..]| *regular == 0.0);
     assert!(none.clone().count() > 500 && none.clone().all(|[_, value, ..]| *value == 0.0));
-    // A weak lobe may be missed 64 times.
+    // Even 64 samples may miss a weak lobe.
     let missed = found.iter().filter(|[regular, value, ..]| *regular == 1.0 && *value == 0.0).count();
     assert!(missed < found.len() / 20, "{missed} of {} have a regular lobe and no sample", found.len());
 }
 
-/// The surface and a direction as the reverse path meets them. If that path comes from beyond the surface,
-/// both are turned around the x axis. This is written without `bsdf_beyond`, so that the test is independent
-/// of it.
+/// The surface and a direction as the reverse path sees them. If the reverse path comes from beyond the surface, both are turned around the
+/// x axis. This code does not use `bsdf_beyond`, so the test is independent of it.
 const REVERSED: &str = "
 fn turned(v: vec3f, beyond: bool) -> vec3f {
     return select(v, vec3f(v.x, -v.y, -v.z), beyond);
@@ -310,7 +308,7 @@ fn bsdfs_are_reciprocal() {
         );
         assert!(lit > class.len() / 5, "{name}: only {lit} of {} pairs carry light", class.len());
         assert!(worst(0) <= 16.0 * f32::EPSILON, "{name}: worst relative difference {:.2e}", worst(0));
-        // One formula is inlined twice. All differences are roundings, of some thirty operations here.
+        // One formula is inlined in two places. All differences are rounding errors of some thirty operations.
         assert!(worst(1) <= 64.0 * f32::EPSILON, "{name}: worst difference of density {:.2e}", worst(1));
     }
 }

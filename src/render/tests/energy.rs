@@ -1,4 +1,4 @@
-//! No surface returns more light than it receives: the white furnace test, and smooth interfaces against Fresnel's equations.
+//! Tests that no surface reflects more light than it receives: the white furnace test, and smooth interfaces against Fresnel's equations.
 
 use std::sync::LazyLock;
 
@@ -7,13 +7,13 @@ use super::statistics::{Sphere, outgoing};
 use super::support::{gpu, run};
 use crate::gpu::Gpu;
 
-/// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, nine cells; at a cosine of 0.05 it is 0.12 wide in `s`.
+/// The narrowest lobe here (α = 0.05) has a width of 0.03 in `t`, which is nine cells, and of 0.12 in `s` at a cosine of 0.05.
 const CELLS: Sphere = Sphere { rings: 320, sectors: 480 };
 static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| CELLS.midpoints(1));
 const SAMPLES: usize = 1 << 18;
 
-/// The directional albedo of a gray material, regular and delta lobes together: by quadrature over `K`, and by samples, with
-/// standard error.
+/// The directional albedo of a gray material, with regular and delta lobes. It is computed by quadrature over `K`, and from samples with
+/// their standard error.
 struct Albedo {
     integral: f64,
     sampled: f64,
@@ -74,15 +74,15 @@ fn lambertian_albedo_is_its_colour() {
     for (color, cos_o) in [(1.0, 1.0), (1.0, 0.05), (0.5, 0.3)] {
         let Albedo { integral, sampled, error } = albedo(&gpu, &Bsdf::lambertian(color), cos_o, 0);
         let color = f64::from(color);
-        // cosθ/π cancels against the density up to rounding: there is no Monte Carlo error. The midpoint rule's relative
-        // error is dt²/2 − ds²/4.
+        // The factor cosθ/π and the density cancel up to rounding, so there is no Monte Carlo error. The relative error of the midpoint
+        // rule is dt²/2 − ds²/4.
         assert!(
             error < 1e-7 && (sampled - color).abs() < 4e-7 * color,
             "sampled {sampled}, expected {color}"
         );
         assert!((integral - color).abs() < 6e-6 * color, "integral {integral}, expected {color}");
     }
-    // The same holds in water: K is 1/n² of the value in air, and n_i² weights it.
+    // The same holds in water: K is 1/n² of its value in air, and n_i² compensates this.
     let immersed = Bsdf { eta_o: 1.33, eta_t: 1.33, ..Bsdf::lambertian(1.0) };
     let Albedo { integral, sampled, .. } = albedo(&gpu, &immersed, 0.5, 0);
     assert!((sampled - 1.0).abs() < 1e-6 && (integral - 1.0).abs() < 6e-6, "{sampled} and {integral}");
@@ -110,8 +110,8 @@ fn sampling_and_quadrature_find_one_albedo() {
     ] {
         for cos_o in COSINES {
             let Albedo { integral, sampled, error } = albedo(&gpu, &bsdf, cos_o, count as usize);
-            // This is the quadrature's own error; see the Lambertian. If light is bent, facets on edge end a lobe with a
-            // jump, which cells round.
+            // This bound is the error of the quadrature alone, as for the Lambertian surface. If light is refracted, a lobe ends with a
+            // jump at facets that are seen edge-on, and the cells blur the jump.
             let quadrature = if bsdf.eta_o == bsdf.eta_t { 1e-5 } else { 3e-4 };
             let z = (sampled - integral) / error.hypot(quadrature);
             (worst, squares, count) = (worst.max(z.abs()), squares + z * z, count + 1.0);
@@ -123,11 +123,11 @@ fn sampling_and_quadrature_find_one_albedo() {
     }
     let z_rms = f64::sqrt(squares / count);
     println!("{count} comparisons, z rms {z_rms:.3}, worst {worst:.2}");
-    // There are 72 comparisons. The chance to exceed 4.3 standard errors, or an rms of 1.3, is one in a thousand.
+    // The probability that one of 72 comparisons exceeds 4.3 standard errors, or that their rms exceeds 1.3, is one in a thousand.
     assert!(worst < 4.3 && z_rms < 1.3, "worst z {worst}, rms {z_rms}");
 }
 
-/// The least and the greatest albedo over the cosines from `from` up. The quadrature's error is of the order of 1e-5.
+/// The least and the greatest albedo over all cosines that are at least `from`. The quadrature has an error of the order of 1e-5.
 fn range(gpu: &Gpu, bsdf: &Bsdf, from: f64) -> (f64, f64) {
     let found = COSINES.iter().filter(|&&cos| cos >= from).map(|&cos_o| quadrature(gpu, bsdf, cos_o));
     let range = found.fold((f64::MAX, 0.0_f64), |(low, high), albedo| (low.min(albedo), high.max(albedo)));
@@ -141,12 +141,12 @@ fn white_metals_reflect_no_more_than_they_receive() {
     for alpha in [0.05, 0.25, 0.5, 1.0] {
         let (low, high) = range(&gpu, &Bsdf::metal(1.0, alpha), 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}: {high}");
-        // The model without multiple scattering loses some light, but hardly any at a smooth surface.
+        // The model without multiple scattering loses some light, but hardly any on a smooth surface.
         assert!(low > if alpha < 0.1 { 0.88 } else { 0.3 }, "α {alpha}: {low}");
     }
 }
 
-/// glTF's sample implementation returns up to 1.44 times the light here; see `render`'s documentation.
+/// glTF's sample implementation returns up to 1.44 times the received light here; see `render`'s documentation.
 #[test]
 fn white_dielectrics_reflect_no_more_than_they_receive() {
     let gpu = gpu();
@@ -154,14 +154,14 @@ fn white_dielectrics_reflect_no_more_than_they_receive() {
         let white = Bsdf::dielectric(1.0, alpha);
         let (low, high) = range(&gpu, &white, 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}: {high}");
-        // They do not lose much either. They only lose light that facets hide from each other at grazing incidence.
+        // They do not lose much light either, only light that facets hide from each other at grazing incidence.
         assert!(low > 0.5, "α {alpha}: {low}");
         assert!(range(&gpu, &white, 0.5).0 > 0.95, "α {alpha}");
-        // Without reflectance at normal incidence, the coat's bound has the least room.
+        // Without reflectance at normal incidence, the coat comes closest to its bound.
         let (_, high) = range(&gpu, &Bsdf { f0: glam::Vec3::ZERO, ..white }, 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}, index 1: {high}");
     }
-    // A smooth surface reflects Schlick's share, and its base gets the rest.
+    // A smooth surface reflects the fraction of Schlick's formula, and its base receives the remaining light.
     let (low, high) = range(&gpu, &Bsdf::dielectric(1.0, 0.0), 0.0);
     assert!(low > 1.0 - 1e-5 && high < 1.0 + 1e-5, "{low} to {high}");
 }
@@ -169,7 +169,7 @@ fn white_dielectrics_reflect_no_more_than_they_receive() {
 #[test]
 fn rough_glass_lets_through_no_more_than_it_receives() {
     let gpu = gpu();
-    // Towards the denser medium, lobes are three times narrower. The quadrature resolves them from a width of 0.2.
+    // Lobes are three times narrower in the denser medium. The quadrature resolves lobes with a width of 0.2 and more.
     for alpha in [0.2, 0.5, 1.0] {
         for bsdf in [Bsdf::pane(alpha), Bsdf::glass(alpha), Bsdf::glass(alpha).beyond()] {
             let (low, high) = range(&gpu, &bsdf, 0.0);
@@ -180,7 +180,7 @@ fn rough_glass_lets_through_no_more_than_it_receives() {
         let (_, high) = range(&gpu, &paper, 0.0);
         assert!(high <= 1.0 + 1e-5, "{}: {high}", paper.describe());
     }
-    // Little light is lost where facets hardly hide each other.
+    // Little light is lost at directions in which facets hardly hide each other.
     assert!(range(&gpu, &Bsdf::glass(0.2), 0.5).0 > 0.95);
     assert!(range(&gpu, &Bsdf::glass(0.2).beyond(), 0.8).0 > 0.9);
 }
@@ -217,7 +217,7 @@ fn no_material_returns_more_than_it_receives() {
         conserving += usize::from(gain > -0.01);
     }
     println!("greatest gain {worst:.2} standard errors; {conserving} of {} lose less than 1 %", found.len());
-    // There are 2048 materials. If all conserved energy, 4.5 would be exceeded once in a hundred times.
+    // If all 2048 materials conserved energy exactly, the worst would exceed 4.5 standard errors with a probability of 1 %.
     assert!(worst < 4.5, "a material gains {worst} standard errors");
     assert!(conserving > found.len() / 10, "only {conserving} of {} keep the light", found.len());
 }
@@ -234,7 +234,7 @@ fn transmittance(eta_o: f64, eta_t: f64, cos_o: f64) -> f64 {
     1.0 - (s * s + p * p) / 2.0
 }
 
-/// Reflected and transmitted shares, and a sample's weight and probability, at each cosine.
+/// The fractions of reflected and of transmitted light, and the weight and probability of a sample, for each cosine.
 fn shares(bsdf: &Bsdf, cosines: &[f32]) -> Vec<[f32; 4]> {
     let source = format!(
         "#import rng\n#import bsdf\n{READ_BSDF}
@@ -263,7 +263,7 @@ fn smooth_glass_follows_fresnels_equations_and_loses_nothing() {
         let mut totally_reflected = 0;
         for ([reflected, transmitted, weight, pdf], &cosine) in found.iter().zip(&cosines) {
             let expected = transmittance(bsdf.eta_o.into(), bsdf.eta_t.into(), cosine.into());
-            // Near the critical angle, 1 − F is about k cosθ_t, with k < 9 here. cos²θ_t, a difference from 1, has an error
+            // Near the critical angle, 1 − F is about k cosθ_t, with k < 9 here. cos²θ_t is computed as a difference from 1 with an error
             // of 1.5e-7. The error of 1 − F is k²/2 times that, divided by 1 − F.
             let error = (f64::from(*transmitted) - expected).abs();
             assert!(error < 6e-6 / expected.max(1e-3), "{bsdf:?} at {cosine}: {transmitted}, not {expected}");
@@ -285,7 +285,7 @@ fn smooth_panes_and_mirrors_lose_nothing() {
     for ([reflected, transmitted, weight, pdf], &cosine) in
         shares(&Bsdf::pane(0.0), &cosines).iter().zip(&cosines)
     {
-        // In glTF's pane, Schlick's reflectance applies once.
+        // glTF's pane has a single factor of Schlick's reflectance.
         let expected = 0.04 + 0.96 * (1.0 - cosine).powi(5);
         assert!((reflected - expected).abs() < 4.0 * f32::EPSILON, "{cosine}: {reflected}, not {expected}");
         assert!((reflected + transmitted - 1.0).abs() <= f32::EPSILON, "{cosine}");

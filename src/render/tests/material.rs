@@ -75,7 +75,7 @@ impl Bsdf {
         Self { eta_o: self.eta_t, eta_t: self.eta_o, shading, ..self }
     }
 
-    /// The same surface with a shading normal at this angle to the geometric one.
+    /// The same surface, with this angle between its shading normal and its geometric normal.
     pub(super) fn tilted(self, degrees: f32) -> Self {
         let (sin, cos) = degrees.to_radians().sin_cos();
         Self { shading: vec3(0.8 * sin, 0.6 * sin, cos), ..self }

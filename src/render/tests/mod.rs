@@ -1,4 +1,4 @@
-//! Tests of the shaders' functions, run as the same WGSL that the tracer runs, and of whole traces.
+//! Tests of whole traces, and of the shaders' functions, which run as the same WGSL that the tracer runs.
 
 mod bsdf;
 mod energy;

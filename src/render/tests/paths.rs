@@ -1,4 +1,5 @@
-//! Tests of whole traces: equal paths for every search and every number of paths of an invocation, photons, the observer, kept kernels.
+//! Tests of whole traces: paths are equal for every search structure and for every number of paths per invocation. Further tests are about
+//! photons, the observer and stored kernels.
 
 use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex};
@@ -50,7 +51,7 @@ fn shipped(name: &str) -> Scene {
 
 #[test]
 fn testing_every_pair_gives_the_hits_of_the_search_tree() {
-    // The scenes have few and more triangles, a mirror, and a ceiling that rays meet at all angles.
+    // The scenes have few and many triangles, a mirror, and a ceiling that rays hit at all angles.
     for scene in [shipped("corner"), shipped("mirror"), shipped("zigzag"), shipped("cornell")] {
         let settings = TraceSettings::new(Resolution::new(56, 40), 16);
         let [each, tree] =
@@ -86,8 +87,9 @@ fn the_light_buffer_gives_the_hits_of_the_search_tree() {
 fn small_and_large_tree_layouts_give_the_same_hits() {
     for small in [shipped("cornell"), shipped("carton")] {
         let mut large = small.clone();
-        // Added triangles with two equal corners, so that no ray meets them, lie on a lattice, so that the tree is not too deep. Its
-        // corners are between 1.25 and 1.44 units from the camera. The unit of length thus stays the same, and with it every bit of a path.
+        // The added triangles have two equal corners, so no ray hits them. They lie on a lattice, so that the tree is not too deep. The
+        // lattice's corners are between 1.25 and 1.44 units from the camera, so the unit of length stays the same, and with it every bit of
+        // a path.
         let (unit, camera) = (Unit::of(&small), &small.camera);
         large.triangles.extend((0..20_000).map(|at| {
             let [across, up] = [(at % 200) as f32 / 200.0 - 0.5, (at / 200) as f32 / 100.0 - 0.5];
@@ -108,7 +110,7 @@ fn small_and_large_tree_layouts_give_the_same_hits() {
     }
 }
 
-/// All paths of all strategies, where an invocation traces `each` of them, with or without the light buffer.
+/// All paths of all strategies, with or without the light buffer. Each invocation traces `each` paths.
 fn paths_by(scene: &Scene, settings: &TraceSettings, each: u32, by_light_buffer: bool) -> Vec<PathRecord> {
     let mut tracer = tracer(scene);
     let mut strategies = tracer.strategies(settings).expect("the settings are sound");
@@ -135,7 +137,7 @@ fn paths_do_not_depend_on_their_invocation() {
         (apart, false),
     ];
     for (scene, by_light_buffer) in &scenes {
-        // Pixels begin and end in the middle of an invocation's paths, and the last invocation has fewer paths.
+        // With these numbers, pixels begin and end in the middle of an invocation's paths, and the last invocation has fewer paths.
         let settings = TraceSettings::new(Resolution::new(41, 30), 13);
         let one = paths_by(scene, &settings, 1, *by_light_buffer);
         assert!(one.len() >= 41 * 30 * 13);
@@ -150,8 +152,8 @@ fn paths_do_not_depend_on_their_invocation() {
     }
 }
 
-/// A wall, and in front of it `count` strips one behind another. They are as wide as the field of view and thinner than a texel of the
-/// light buffer, so that a ray there is tested against each of them.
+/// A wall, and in front of it `count` strips, one behind another. The strips are as wide as the field of view and thinner than a texel of
+/// the light buffer, so a ray that passes them is tested against each strip.
 fn strips(count: usize) -> Scene {
     let mut scene = builtin::plane(1.0, 0.8);
     scene.triangles.extend((0..count).map(|at| {
@@ -164,7 +166,8 @@ fn strips(count: usize) -> Scene {
 
 #[test]
 fn paths_that_are_too_long_for_one_invocation_get_one_each() {
-    // About sixty paths of an invocation meet eight thousand strips each. Software Vulkan stops it after 65,535 loop iterations.
+    // About sixty paths of an invocation pass eight thousand strips each. Software Vulkan stops the invocation after 65,535 loop
+    // iterations.
     let scene = strips(8000);
     let settings = TraceSettings::new(Resolution::new(64, 64), 32);
     let [one, many] = [1, 64].map(|each| paths_by(&scene, &settings, each, true));
@@ -187,7 +190,7 @@ fn shader_and_host_agree_on_the_hash_of_a_cell() {
     }
 }
 
-/// Notes, for each step, the number of paths done and the total. Breaks at step number `breaks_at`, counted from 1.
+/// Records, for each step, the number of finished paths and the total. Stops the trace at step number `breaks_at`, counted from 1.
 struct Notes {
     steps: Mutex<Vec<(u64, u64)>>,
     breaks_at: usize,
@@ -223,12 +226,12 @@ fn the_observer_sees_each_dispatch_and_may_stop_the_trace() {
     let (stopped, outcome) = observed(&mut tracer, 1);
     assert!(matches!(outcome, Err(Error::Interrupted)) && stopped == [(0, 1024)]);
 
-    // At the last step everything has been traced, so that a break changes nothing.
+    // At the last step, everything has been traced, so stopping has no effect.
     let (_, outcome) = observed(&mut tracer, steps.len());
     assert!(matches!(outcome, Ok(1024)));
 }
 
-/// All values of a trace of 8 × 8 pixels at 4 paths each, by a tracer that was given these kernels.
+/// All values of a trace of 8 × 8 pixels with 4 paths each. The tracer was given these kernels.
 fn traced(kept: Option<&[u8]>) -> (Vec<f32>, Tracer) {
     let mut tracer = tracer(&builtin::zigzag().to_scene());
     tracer.restore_kernels(kept);
@@ -247,7 +250,7 @@ fn traced(kept: Option<&[u8]>) -> (Vec<f32>, Tracer) {
 fn kernels_of_another_device_and_garbage_change_nothing() {
     let (expected, first) = traced(None);
     assert!(expected.iter().any(|&value| value > 0.0));
-    // A driver that gives out no kernels keeps them itself.
+    // A driver that does not return kernels keeps them itself.
     let kept = first.compiled_kernels();
     let garbage = vec![7_u8; 4096];
     let mut foreign = kept.clone().unwrap_or_else(|| b"WGPUPLCH".to_vec());

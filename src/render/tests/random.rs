@@ -1,4 +1,5 @@
-//! Random numbers: the hash, and the sampler with its exact stratification and independent pixels, vertices and halves.
+//! Tests of random numbers: of the hash, and of the sampler, which must be exactly stratified, with independent pixels, vertices and
+//! halves.
 
 use super::statistics::{chi_square_test, threshold};
 use super::support::{gpu, run};
@@ -15,7 +16,7 @@ fn points(gpu: &Gpu, pixels: usize, samples: usize, vertex: u32) -> Vec<[f32; 4]
     run(gpu, &source, &[], &[[0.0; 4]], pixels * samples)
 }
 
-/// Whether each elementary interval, `2ᵃ × 2ᵇ` of them for all `a + b = m`, holds exactly one of these `2ᵐ` points.
+/// Whether the points are a net: for all `a + b = m`, each of the `2ᵃ × 2ᵇ` elementary intervals holds exactly one of the `2ᵐ` points.
 fn is_net(points: &[(f32, f32)]) -> bool {
     let count = points.len();
     assert!(count.is_power_of_two());
@@ -65,7 +66,7 @@ fn the_test_for_nets_rejects_other_points() {
     assert!(is_net(&points), "Hammersley's points");
 }
 
-/// The p-value of `bins²` equally likely squares.
+/// The p-value of these pairs, if all `bins²` squares are equally likely.
 fn pair_p_value(bins: usize, pairs: impl Iterator<Item = (f32, f32)>) -> f64 {
     let mut observed = vec![0.0; bins * bins];
     let mut count = 0.0;
@@ -82,7 +83,7 @@ fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_it
     const SAMPLES: usize = 6;
     let gpu = gpu();
     let vertices = [points(&gpu, PIXELS, SAMPLES, 1), points(&gpu, PIXELS, SAMPLES, 2)];
-    // The pairs are taken over the pixels, one sample each. They are independent of one another, which the χ² test needs.
+    // The pairs contain one sample of each pixel. They are independent of one another, which the χ² test requires.
     let of = |vertex: usize, sample: usize| {
         vertices[vertex].iter().skip(sample).step_by(SAMPLES).copied().collect::<Vec<_>>()
     };
@@ -104,7 +105,7 @@ fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_it
         ("next pixel", odd),
     ];
     for (name, other) in &others {
-        // The last comparison takes every second pixel, so that no pixel is in two pairs.
+        // The last comparison uses every second pixel, so no pixel is in two pairs.
         let step = if other.len() < base.len() { 2 } else { 1 };
         for c in 0..4 {
             for d in 0..4 {
@@ -113,7 +114,7 @@ fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_it
             }
         }
     }
-    // Within a half, the pairs of one vertex are shuffled against each other: x of one sample says nothing about z of another.
+    // Within a half, the pairs of one vertex are shuffled independently: x of one sample says nothing about z of another sample.
     let next = of(0, 2);
     for (c, d) in [(0, 2), (0, 3), (1, 2), (1, 3)] {
         let p = pair_p_value(32, base.iter().zip(&next).map(|(a, b)| (a[c], b[d])));
@@ -126,9 +127,8 @@ fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_it
 
 const COUNT: usize = 1 << 20;
 
-/// `random4` at 128 × 8 × 8 × 128 keys (pixel, sample, vertex, seed), each shifted by `offset`. Without a shift, all
-/// coordinates are even. A shift by one therefore never gives another of these keys, and all pairs are disjoint. Pixels
-/// lie in 16 × 8 blocks of an image of width 128.
+/// `random4` at 128 × 8 × 8 × 128 keys (pixel, sample, vertex, seed), each shifted by `offset`. Without a shift, all coordinates are even,
+/// so a shift by one never gives another of these keys, and all pairs are disjoint. Pixels lie in 16 × 8 blocks of an image of width 128.
 fn numbers(gpu: &Gpu, offset: [u32; 4]) -> Vec<[f32; 4]> {
     let source = format!(
         "#import rng

@@ -1,18 +1,17 @@
-//! Goodness of fit by Pearson's χ², and the sphere of directions divided into bins.
+//! Goodness of fit by Pearson's χ² test, and a partition of the sphere of directions into bins.
 
 use std::f64::consts::{PI, TAU};
 
-/// The probability that at least one test of a family rejects a correct program.
+/// The probability that at least one test of a family of tests rejects a correct program.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// The p-value below which one of `tests` independent tests fails (Šidák). The family keeps the significance.
+/// The p-value below which one of `tests` independent tests fails (Šidák). The whole family then has the probability `SIGNIFICANCE`.
 pub(super) fn threshold(tests: usize) -> f64 {
     1.0 - (1.0 - SIGNIFICANCE).powf(1.0 / tests as f64)
 }
 
-/// The p-value of counts in bins against their expectations. Bins with an expectation below 5, for which
-/// Pearson's statistic does not follow the χ² distribution, are pooled into one. If that one still has an
-/// expectation below 5, it is merged with the smallest other bin.
+/// The p-value of counts in bins, given their expectations. Bins with an expectation below 5, for which Pearson's statistic does not follow
+/// the χ² distribution, are pooled into one bin. If this bin still has an expectation below 5, it is merged with the smallest other bin.
 pub(super) fn chi_square_test(observed: &[f64], expected: &[f64]) -> f64 {
     const ENOUGH: f64 = 5.0;
     let mut bins: Vec<(f64, f64)> = expected.iter().copied().zip(observed.iter().copied()).collect();
@@ -36,7 +35,7 @@ fn chi_square_survival(statistic: f64, freedom: f64) -> f64 {
     upper_incomplete_gamma(freedom / 2.0, statistic / 2.0)
 }
 
-/// The regularized `Q(a, x)`. Below `a + 1` it comes from the series of `P = 1 − Q`; above, from Legendre's
+/// The regularized `Q(a, x)`. For `x` below `a + 1`, it is computed from the series of `P = 1 − Q`. Above, it is computed from Legendre's
 /// continued fraction, evaluated by Lentz's method (Abramowitz and Stegun 6.5.29 and 6.5.31).
 fn upper_incomplete_gamma(a: f64, x: f64) -> f64 {
     let front = (a * x.ln() - x - ln_gamma(a)).exp();
@@ -68,8 +67,7 @@ fn upper_incomplete_gamma(a: f64, x: f64) -> f64 {
     front * fraction
 }
 
-/// `ln Γ(a)` by Stirling's series at 15 and above, where its error is below 1e-15. Smaller arguments are
-/// raised by `Γ(a+1) = a Γ(a)`.
+/// `ln Γ(a)` by Stirling's series, whose error is below 1e-15 for `a ≥ 15`. A smaller `a` is increased by `Γ(a+1) = a Γ(a)` first.
 fn ln_gamma(a: f64) -> f64 {
     if a < 15.0 {
         return ln_gamma(a + 1.0) - a.ln();
@@ -82,7 +80,7 @@ fn ln_gamma(a: f64) -> f64 {
 
 #[test]
 fn survival_has_its_closed_forms() {
-    // Two degrees of freedom give exp(−x/2); four give exp(−x/2)(1 + x/2). Both branches are used.
+    // With two degrees of freedom, the result is exp(−x/2); with four, it is exp(−x/2)(1 + x/2). Both branches are tested.
     for x in [0.1, 1.0, 3.0, 10.0, 40.0] {
         let two = (-x / 2.0_f64).exp();
         assert!((chi_square_survival(x, 2.0) / two - 1.0).abs() < 1e-13, "{x}");
@@ -97,21 +95,20 @@ fn survival_has_its_closed_forms() {
 fn counts_that_fit_too_badly_fail() {
     let expected = [100.0; 50];
     let fair: Vec<f64> = (0..50).map(|bin| 100.0 + if bin % 2 == 0 { 10.0 } else { -10.0 }).collect();
-    // χ² = 50 at 49 degrees of freedom, and then 200.
+    // χ² is 50 with 49 degrees of freedom, and then 200.
     assert!(chi_square_test(&fair, &expected) > 0.4);
     let unfair: Vec<f64> = fair.iter().map(|count| 100.0 + 2.0 * (count - 100.0)).collect();
     assert!(chi_square_test(&unfair, &expected) < 1e-15);
 }
 
-/// Azimuth of all outgoing directions. Its value is arbitrary, since no result may depend on it.
+/// The azimuth of all outgoing directions. Its value is arbitrary, because no result may depend on it.
 const AZIMUTH: f64 = 2.2;
 
-/// Bins by `(hemisphere, ring, sector)`, which are fine where a glossy lobe may be narrow.
+/// Bins by `(hemisphere, ring, sector)`. They are fine in directions in which a glossy lobe may be narrow.
 ///
-/// Rings are equally spaced in `t = √(1 − |cosθ|)`, which is linear in `θ` around the normal. Sectors are
-/// equally spaced in `s = ∛(φ/π)` from −1 to 1. The azimuth `φ` is measured from the mirror direction, which
-/// is also the azimuth of transmitted light. At grazing incidence, a lobe is narrower in azimuth than in
-/// height by the factor of the cosine. The solid angle is `dω = 2t dt · 3πs² ds`.
+/// Rings are equally spaced in `t = √(1 − |cosθ|)`, which is linear in `θ` around the normal. Sectors are equally spaced in `s = ∛(φ/π)`
+/// from −1 to 1. The azimuth `φ` is measured from the mirror direction, which is also the azimuth of transmitted light. At grazing
+/// incidence, a lobe is narrower in azimuth than in height, by the factor of the cosine. The solid angle is `dω = 2t dt · 3πs² ds`.
 pub(super) struct Sphere {
     pub(super) rings: usize,
     pub(super) sectors: usize,
@@ -124,7 +121,7 @@ impl Sphere {
 
     /// The bin of a direction. The bins above the horizon come first.
     pub(super) fn bin(&self, [x, y, z]: [f64; 3]) -> usize {
-        // This is 1 − |z| without cancellation.
+        // The formula is 1 − |z| without cancellation.
         let t = ((x * x + y * y) / (1.0 + z.abs())).sqrt();
         let phi = (y.atan2(x) - AZIMUTH).rem_euclid(TAU) - PI;
         let ring = ((t * self.rings as f64) as usize).min(self.rings - 1);
@@ -162,7 +159,7 @@ pub(super) fn outgoing(cos: f64) -> [f32; 4] {
 fn the_cells_make_up_the_sphere_and_lie_in_their_bins() {
     let sphere = Sphere { rings: 5, sectors: 8 };
     let (points, solid_angles) = sphere.midpoints(3);
-    // Midpoints integrate the linear 2t exactly, and 3s² up to ds²/4, with ds = 2/24.
+    // Midpoints integrate the linear 2t exactly, and 3s² up to an error of ds²/4, with ds = 2/24.
     let solid_angle = solid_angles.iter().sum::<f64>();
     assert!((solid_angle / (2.0 * TAU) - (1.0 - 1.0 / 576.0)).abs() < 1e-12, "{solid_angle}");
     for (index, [x, y, z, _]) in points.iter().map(|point| point.map(f64::from)).enumerate() {

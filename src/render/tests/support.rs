@@ -1,4 +1,4 @@
-//! Runs one WGSL function over many invocations, and reads the records of light paths for comparisons to the last bit.
+//! Runs one WGSL function in many invocations, and reads the records of light paths as bits for exact comparisons.
 
 use wgpu::ShaderStages;
 
@@ -9,7 +9,7 @@ use crate::render::strategy::Strategy;
 use crate::render::{Batch, TraceSummary, Tracer};
 use crate::scene::Scene;
 
-/// The entry point around the function under test. It uses bind group 1, because group 0 belongs to the shared shaders.
+/// The entry point that calls the function under test. It uses bind group 1, because group 0 belongs to the shared shaders.
 const FRAME: &str = "
 @group(1) @binding(0) var<storage, read> input: array<vec4f>;
 @group(1) @binding(1) var<storage, read_write> output: array<vec4f>;
@@ -27,7 +27,7 @@ pub(crate) fn gpu() -> Gpu {
 }
 
 /// Returns `work(0), …, work(count − 1)`. The WGSL in `source` defines `fn work(index: u32) -> vec4f`; it may import shared shaders and
-/// read `input`. `shared` holds the resources of group 0 that these shaders read, with their bindings.
+/// read `input`. `shared` holds the resources of group 0 that the imported shaders read, with their bindings.
 pub(super) fn run(
     gpu: &Gpu,
     source: &str,

@@ -1,4 +1,4 @@
-//! The surface at a hit point, its shading normal and its textures, against a computation from the scene on the host.
+//! Compares the surface at a hit point, its shading normal and its textures with values that the host computes from the scene.
 
 use glam::{Affine2, DMat2, DVec2, DVec3, Vec2, Vec3, vec2, vec3};
 use rand::{RngExt, SeedableRng};
@@ -52,7 +52,8 @@ fn work(index: u32) -> vec4f {
     }
 }";
 
-/// The surfaces that rays find on the scene's only triangle. Each ray has a direction, and weights of the second and third corner.
+/// The surfaces that rays find on the scene's only triangle. Each ray is given by a direction, and by the weights of the second and third
+/// corner at its hit point.
 fn look(gpu: &Gpu, scene: &Scene, rays: &[(Vec3, [f32; 2])]) -> Vec<Found> {
     let uploaded = GpuScene::upload(gpu, scene).expect("one triangle fits");
     let view = wgpu::BindingResource::TextureView;
@@ -92,7 +93,7 @@ fn look(gpu: &Gpu, scene: &Scene, rays: &[(Vec3, [f32; 2])]) -> Vec<Found> {
     values.chunks_exact(FIELDS).map(found).collect()
 }
 
-/// A scene of one triangle with this material, which faces the pinhole in the plane z = −2.
+/// A scene of one triangle with this material. The triangle faces the pinhole in the plane z = −2.
 fn scene(material: Material) -> Scene {
     let corners = [vec3(0.0, 0.0, -2.0), vec3(1.0, 0.0, -2.0), vec3(0.0, 1.0, -2.0)];
     Scene {
@@ -170,7 +171,7 @@ fn each_texture_multiplies_its_own_factor() {
     assert!((found.transmission - 0.5 * 0.4).abs() < tolerance, "{found:?}");
     assert!((found.diffuse_transmission - 0.5 * 0.8).abs() < tolerance, "{found:?}");
     assert_close(found.diffuse_transmission_color, vec3(1.0, 0.5, half), tolerance);
-    // Half of the light is left after 1 m. The triangle is 2 m to 4 m away, so that the unit of length is 2 m (`render::geometry`).
+    // Half of the light is left after 1 m. The triangle is 2 m to 4 m away, so the unit of length is 2 m (`render::geometry`).
     assert_close(found.absorption, Vec3::splat(2.0 * 2.0_f32.ln()), tolerance);
 }
 
@@ -203,7 +204,7 @@ fn the_back_of_a_one_sided_opaque_surface_is_black() {
         Material { transmission: 0.5, ..one_sided.clone() },
         Material { diffuse_transmission: 0.5, ..one_sided.clone() },
         Material { alpha_mode: AlphaMode::Blend, ..one_sided.clone() },
-        // The back is missing where the mask has a hole.
+        // The back is invisible where the mask has a hole.
         Material { alpha_mode: AlphaMode::Mask { cutoff: 2.0 }, ..one_sided },
     ] {
         assert_eq!(sides(through), (false, Vec3::ZERO));
@@ -218,7 +219,7 @@ fn media_lie_behind_the_front() {
     let found = look(&gpu, &scene(solid.clone()), &[FRONT, BACK]);
     assert_eq!((found[0].eta, found[1].eta), ([1.0, 1.25], [1.25, 1.0]));
     for side in found {
-        // The triangle is 2 m to 4 m away, so that the unit of length is 2 m (`render::geometry`).
+        // The triangle is 2 m to 4 m away, so the unit of length is 2 m (`render::geometry`).
         assert_eq!((side.ior, side.absorption), (1.25, 2.0 * volume.absorption()));
     }
     for thin in [Material { volume: None, ..solid.clone() }, Material { transmission: 0.0, ..solid }] {
@@ -240,19 +241,19 @@ fn vertex_normals_are_blended_on_the_rays_side_and_above_the_horizon() {
     // The tolerance covers coordinates of 16 bits.
     assert_close(found[0].shading, blended, 1e-4);
     assert_close(found[1].shading, -blended, 1e-4);
-    // The third normal lies in the horizon, and is lifted a little.
+    // The third normal is tangential to the surface, and is lifted a little.
     assert_close(found[2].shading, vec3(-0.28, 0.96, 0.01).normalize(), 1e-4);
 
     scene.triangles[0].normals = [Vec3::ZERO; 3];
     assert_eq!(look(&gpu, &scene, &[FRONT])[0].shading, Vec3::Z);
 }
 
-/// The shading normal of a normal map by glTF's definition. +X of the map points along u, and +Y against v (which runs downwards), in the
+/// The shading normal of a normal map by glTF's definition: +X of the map points along u, and +Y against v (which runs downwards), in the
 /// plane perpendicular to the smooth normal.
 fn bumped(triangle: &Triangle, map: Affine2, normal: DVec3, bump: DVec3) -> DVec3 {
     let [a, b, c] = triangle.positions.map(Vec3::as_dvec3);
     let uv = triangle.texcoords.map(|[_, second]| map.transform_point2(second).as_dvec2());
-    // Edges are a linear map of their coordinates' differences. The columns of the map are the gradients.
+    // The edges are a linear function of the differences of texture coordinates. The columns of its matrix are the gradients.
     let coordinates = DMat2::from_cols(uv[1] - uv[0], uv[2] - uv[0]).inverse();
     let along = |w: DVec2| {
         let weights = coordinates * w;
@@ -284,7 +285,7 @@ fn normal_maps_bend_the_smooth_normal_in_the_frame_of_their_coordinates() {
         let triangle = &mut scene.triangles[0];
         triangle.positions =
             triangle.positions.map(|p| p + Vec3::splat(number(-0.2, 0.2)) * vec3(1.0, 1.0, -2.0));
-        // Every second picture is mirrored.
+        // Every second texture is mirrored.
         let mirror = if case % 2 == 0 { 1.0 } else { -1.0 };
         triangle.texcoords = [vec2(0.0, 0.0), vec2(mirror, 0.2), vec2(0.3 * mirror, -1.0)]
             .map(|uv| [Vec2::ZERO, uv + vec2(0.1 * number(-1.0, 1.0), 0.0)]);
@@ -304,7 +305,7 @@ fn normal_maps_bend_the_smooth_normal_in_the_frame_of_their_coordinates() {
     }
 }
 
-/// Texel index of a coordinate that may lie outside `0..size`, by table 8.20 of OpenGL 4.6.
+/// The texel index for a coordinate that may lie outside `0..size`, by table 8.20 of OpenGL 4.6.
 fn wrapped(coordinate: i64, size: i64, wrap: Wrap) -> i64 {
     let mirror = |a: i64| if a >= 0 { a } else { -(1 + a) };
     match wrap {
@@ -327,7 +328,7 @@ fn texel(texture: &Texture, x: i64, y: i64, role: TextureRole) -> [f64; 4] {
 }
 
 fn value(texture: &Texture, uv: [f32; 2], role: TextureRole) -> [f64; 4] {
-    // The computation uses f32 as on the device, so that both choose the same texels.
+    // The computation uses f32, as on the device, so host and device choose the same texels.
     let [x, y] = [uv[0] * texture.width as f32, uv[1] * texture.height as f32];
     if !texture.linear {
         return texel(texture, x.floor() as i64, y.floor() as i64, role);
@@ -348,7 +349,7 @@ fn textures_are_filtered_and_wrapped_as_gltf_defines() {
     for (u, v, linear) in
         wraps.iter().flat_map(|u| wraps.iter().flat_map(move |v| [(*u, *v, true), (*u, *v, false)]))
     {
-        // The sides are odd and even, and one texel.
+        // Odd sides, even sides, and a side of one texel occur.
         let (width, height) = [(5, 3), (4, 7), (1, 2)][scene.textures.len() % 3];
         let texels = (0..width * height).map(|_| random.random::<[u8; 4]>()).collect();
         scene.textures.push(Texture { name: String::new(), width, height, texels, wrap: [u, v], linear });

@@ -1,4 +1,4 @@
-//! Tests of the weights of both endpoints' paths: together they give the same photos as the paths of one endpoint alone.
+//! Tests of the weights of paths from both endpoints: paths from both endpoints give the same photos as paths from one endpoint alone.
 
 use glam::{Vec3, vec3};
 
@@ -102,7 +102,7 @@ fn room() -> Scene {
     Model { name: "room", parts, materials, camera }.to_scene()
 }
 
-/// White photos, one for each seed, by the paths of both endpoints or of the camera alone.
+/// White photos, one for each seed, computed from the paths of both endpoints or from the camera's paths alone.
 fn photos(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -115,7 +115,7 @@ fn photos(
         let mut strategies = tracer.strategies(&settings).expect("the scene fits");
         if camera_alone {
             strategies.truncate(1);
-            // With no samples from the projector, every weight becomes 1.
+            // Without samples from the projector, every weight becomes 1.
             strategies[0].parameters.end_to_start = 0.0;
         }
         for strategy in &strategies {
@@ -148,7 +148,8 @@ fn photos(
     seeds.map(&mut one).collect()
 }
 
-/// Compares two sets of photos. Returns the rms of the difference's z over the pixels, and the z of the difference of the sums.
+/// Compares two sets of photos. Returns the root mean square, over the pixels, of the difference in standard errors, and the difference of
+/// the total sums in standard errors.
 fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
     let moments = |values: Vec<f64>| {
         let n = values.len() as f64;
@@ -167,21 +168,21 @@ fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
 
 const SEEDS: u32 = 20;
 
-/// Asserts that the paths of the camera alone and the paths of both endpoints, each with their settings, give the same photos.
+/// Asserts that the camera's paths alone and the paths of both endpoints give the same photos. Each kind of path has its own settings.
 fn assert_same_photos(name: &str, scene: &Scene, (of_camera, of_both): (&TraceSettings, &TraceSettings)) {
     let mut tracer = tracer(scene);
     let alone = photos(&mut tracer, of_camera, true, 0..SEEDS);
-    // The seeds differ from those of the camera's paths alone.
+    // These seeds differ from the seeds of the camera's paths alone.
     let both = photos(&mut tracer, of_both, false, 100..100 + SEEDS);
     let (spread, sum) = compare(&alone, &both);
     println!("{name}: z rms of pixels {spread:.3}, z of the sum {sum:+.2}");
     // Student's t with 38 degrees of freedom has an rms of √(38/36) = 1.027, with an error of ± 0.05 over 256 pixels. The camera's own
-    // paths rarely find bright spots. In pixels where none was found, their spread is underestimated.
+    // paths rarely find bright spots, and the standard error of a pixel is underestimated if they found none there.
     assert!((0.8..1.25).contains(&spread), "{name}: z rms {spread}");
     assert!(sum.abs() < 4.0, "{name}: z of the sum {sum}");
 }
 
-/// Without delta lobes, the camera's paths alone are unbiased. The paths of both endpoints are unbiased if their weights add up to 1. A
+/// Without delta lobes, the camera's paths alone are unbiased. The paths of both endpoints are unbiased if their weights sum to 1, so a
 /// wrong density or probability of the reverse path would show as a difference.
 #[test]
 fn paths_of_both_endpoints_give_the_photos_of_the_cameras_paths() {
@@ -204,7 +205,8 @@ fn paths_of_both_endpoints_give_the_photos_of_the_cameras_paths() {
     assert_same_photos("apart, with lenses", &apart, (&settings, &settings));
 }
 
-/// A matte room behind sheets that let seven tenths of the light pass straight through: nearly every path scatters at several of them.
+/// A matte room behind sheets. A sheet lets seven tenths of the light pass straight through, so nearly every path scatters at several
+/// sheets.
 fn veils() -> Scene {
     let matte = Material::default();
     let materials = vec![
@@ -221,7 +223,7 @@ fn veils() -> Scene {
     Model { name: "veils", parts, materials, camera: plane(1.0, 0.5).camera }.to_scene()
 }
 
-/// The probability that a surface interacts with light is a factor of the reverse density at every vertex, not only at the first.
+/// At every vertex, not only at the first, the reverse density has the factor of the probability that the surface interacts with light.
 #[test]
 fn the_weights_of_paths_between_veils_add_up_to_one() {
     let scene = veils();
@@ -255,8 +257,8 @@ fn behind_glass() -> Scene {
     scene
 }
 
-/// Connections by gathered photons are weighted by the number of paths that start at either end. Without paths from the projector, the
-/// camera's connections count in full.
+/// The weights of connections by gathered photons depend on the numbers of paths that start at either endpoint. Without paths from the
+/// projector, the camera's connections have the weight 1.
 #[test]
 fn gathered_connections_are_weighted_by_the_paths_from_either_end() {
     let scene = behind_glass();

@@ -1,4 +1,4 @@
-//! The kernel of a product and its dispatches. Rows of a layer are cut into bands that fit the device's buffers and one dispatch.
+//! The kernel that computes products, and its dispatches. A layer is divided into bands that fit the device's buffers and one dispatch.
 
 use std::ops::Range;
 
@@ -15,10 +15,10 @@ pub(super) struct Limits {
     pub(super) rows: usize,
 }
 
-/// A gigabyte of entries, which even a slow GPU reads in a tenth of a second.
+/// The limits for a GPU. 2²⁷ entries take a gigabyte, which even a slow GPU reads in a tenth of a second.
 const ON_GPU: Limits = Limits { entries: 1 << 27, rows: 1 << 24 };
 
-/// The limits for software Vulkan. Two cores take some 50 ms for either of them (measured).
+/// The limits for software Vulkan. Two cores take some 50 ms for this many entries, or for this many rows (measured).
 const ON_PROCESSOR: Limits = Limits { entries: 1 << 22, rows: 1 << 15 };
 
 impl Limits {
@@ -29,7 +29,8 @@ impl Limits {
     }
 }
 
-/// The most entries of a row. 32 lanes share them, and software Vulkan leaves a loop after 65,535 iterations without an error.
+/// The maximum number of entries of a row. 32 lanes share a row, and software Vulkan leaves a loop after 65,535 iterations without an
+/// error.
 const LONGEST_ROW: usize = 1 << 20;
 
 pub(super) struct DeviceLayer {
@@ -56,7 +57,7 @@ impl DeviceLayer {
         }
         let band = |rows: Range<usize>| {
             let entries = row_start[rows.start]..row_start[rows.end];
-            // A band's entries fit into a buffer, and its length fits 32 bits.
+            // The entries of a band fit into a buffer, and their number fits into 32 bits.
             let starts: Vec<u32> =
                 row_start[rows.start..=rows.end].iter().map(|start| (start - entries.start) as u32).collect();
             let weights =
@@ -73,7 +74,7 @@ impl DeviceLayer {
     }
 }
 
-/// Cuts the rows into bands of whole rows. Each band has the most rows that the limits allow, and at least one.
+/// Divides the rows into bands of whole rows. Each band has as many rows as the limits allow, and at least one.
 fn cut(row_start: &[usize], limits: Limits) -> Vec<Range<usize>> {
     let rows = row_start.len() - 1;
     let mut bands = Vec::new();
@@ -90,7 +91,7 @@ fn cut(row_start: &[usize], limits: Limits) -> Vec<Range<usize>> {
 /// The rows of a workgroup; `ROWS_OF_GROUP` of `shaders/product.wgsl`.
 const ROWS_OF_GROUP: u32 = 2;
 
-/// The band has entries; `HAS_ENTRIES` of `shaders/product.wgsl`.
+/// The flag for a band with entries; `HAS_ENTRIES` of `shaders/product.wgsl`.
 const HAS_ENTRIES: u32 = 1;
 
 const MOST_GROUPS: u32 = 65_535;
@@ -105,18 +106,18 @@ struct Parameters {
     padding: u32,
 }
 
-/// The terms of a row's sum besides its entries, as flags of `shaders/product.wgsl`.
+/// What is added to the sum over a row's entries, as flags of `shaders/product.wgsl`.
 #[derive(Clone, Copy)]
 pub(super) struct Terms {
     pub(super) diagonal: bool,
-    /// Whether to add the sum that earlier bands wrote to the photo.
+    /// Whether to add the sum that earlier bands have written to the photo.
     pub(super) adds: bool,
 }
 
 pub(super) struct Kernel {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
-    /// A stand-in that is bound for each buffer that is not read.
+    /// A placeholder that is bound in place of buffers that are not read.
     nothing: wgpu::Buffer,
 }
 
@@ -137,8 +138,8 @@ impl Kernel {
         })
     }
 
-    /// The dispatch that writes the sums of these rows to the photo: over a band's entries in one channel, if any, and over `terms`. The last
-    /// argument has the diagonal, the pattern and the photo.
+    /// The dispatch that writes the sums of these rows to the photo. A sum has the products of a band's entries in one channel, if there is
+    /// a band, and the terms that `terms` selects. The last argument has the diagonal, the pattern and the photo.
     pub(super) fn step(
         &self,
         gpu: &Gpu,
@@ -179,7 +180,7 @@ fn bits(terms: Terms) -> u32 {
     u32::from(terms.diagonal) << 1 | u32::from(terms.adds) << 2
 }
 
-/// The workgroups for `rows` rows in two dimensions, with as few in the second dimension as possible.
+/// The numbers of workgroups in two dimensions for `rows` rows. The second number is as small as possible.
 fn workgroups(rows: u32) -> [u32; 2] {
     let groups = rows.div_ceil(ROWS_OF_GROUP);
     let down = groups.div_ceil(MOST_GROUPS).max(1);
@@ -237,7 +238,7 @@ mod tests {
             [entries, rows]
         };
         let (many, card) = (u64::from(u32::MAX), "discrete GPU");
-        // The limit is four bytes per entry in one buffer.
+        // The limit is the buffer size; an entry takes four bytes in a buffer.
         assert_eq!(limits(card, 4004, many)[0], 1001);
         assert_eq!(limits(card, many, 4004)[0], 1001);
         assert_eq!(limits(card, many, many), [1 << 27, 1 << 24]);

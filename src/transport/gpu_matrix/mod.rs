@@ -21,24 +21,24 @@ use crate::render::Tracer;
 
 /// A copy of a [`TransportMatrix`] on a graphics device.
 ///
-/// Weights are `f32`, and vectors and sums `f64`, as on the processor. 32 lanes sum a row in a fixed order, which differs from the
-/// processor's. Products therefore repeat to the bit, and differ from [`TransportMatrix::apply`] only by the rounding of sums.
+/// Weights are `f32`. Vectors and sums are `f64`, as on the processor. 32 lanes sum a row in a fixed order, which is not the order of the
+/// processor. Repeated products are therefore equal to the bit, and differ from [`TransportMatrix::apply`] only by the rounding of sums.
 pub struct GpuMatrix {
     gpu: Gpu,
     kernel: Kernel,
     rig: RigShape,
     layers: Vec<DeviceLayer>,
     diagonals: Vec<wgpu::Buffer>,
-    /// Whether direct light is a diagonal. Otherwise the buffers above are empty.
+    /// Whether direct light is a diagonal. If not, the buffers of the diagonal, above, are empty.
     has_diagonal: bool,
     limits: Limits,
-    /// The pattern and the photo. Each buffer has the length of the longer one, because the two are exchanged for the transpose.
+    /// The pattern and the photo. Each buffer has the length of the longer vector, because the transpose exchanges their roles.
     from: wgpu::Buffer,
     to: Results,
     state: Mutex<State>,
 }
 
-/// The transpose and the dispatches, made when first needed. A product holds their lock, because all products share the vectors.
+/// The transpose and the dispatches, which are made at first use. A product locks them, because all products use the same vector buffers.
 #[derive(Default)]
 struct State {
     transposed: Option<Vec<DeviceLayer>>,
@@ -92,7 +92,7 @@ impl GpuMatrix {
         self.take(&mut self.state(), Product { direction: Direction::Forward, part, channel }, x, y)
     }
 
-    /// Multiplies with `matrix`, whose copy this is. If the rig is not coaxial, the transpose is copied when it is first needed.
+    /// Multiplies with `matrix`, of which this is the copy. If the rig is not coaxial, the transpose is copied at first use.
     pub(super) fn multiply(
         &self,
         matrix: &TransportMatrix,
@@ -108,7 +108,7 @@ impl GpuMatrix {
             };
             state.transposed = Some(matrix.layers.iter().map(layer).collect::<Result<_>>()?);
         }
-        // A coaxial rig is its own transpose.
+        // The matrix of a coaxial rig is its own transpose.
         let direction = if self.rig.symmetric { Direction::Forward } else { product.direction };
         self.take(&mut state, Product { direction, ..product }, from, to)
     }
@@ -190,7 +190,7 @@ impl GpuMatrix {
     }
 }
 
-/// Measurements for the benchmarks: products without transfers to and from the host, and plain copies for comparison.
+/// Measurements for the benchmarks: products without transfers to or from the host, and plain copies for comparison.
 impl GpuMatrix {
     /// The bytes that a product with all light of one channel reads and writes, each counted once.
     pub fn bytes_of_product(&self) -> u64 {
@@ -209,8 +209,8 @@ impl GpuMatrix {
         self.layers.iter().map(|layer| layer.bands.len()).sum::<usize>().max(1)
     }
 
-    /// The time of `count` products with all light of the first channel, one after the other on the device, with the pattern of the last
-    /// product. A device that fails gives [`crate::Error::Device`].
+    /// The time of `count` products with all light of the first channel, one after the other on the device, with the pattern of the most
+    /// recent product. A device that fails gives [`crate::Error::Device`].
     pub fn time_products(&self, count: u32) -> Result<Duration> {
         let mut state = self.state();
         let product = Product { part: Part::Full, channel: 0, direction: Direction::Forward };
@@ -229,7 +229,7 @@ impl GpuMatrix {
         let copy = |encoder: &mut wgpu::CommandEncoder| {
             (0..count).for_each(|_| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, bytes));
         };
-        // The first use of the buffers also clears them, so only the second run counts.
+        // The first run also clears the buffers, so only the second run counts.
         self.time("copies", copy)?;
         self.time("copies", copy)
     }

@@ -56,7 +56,7 @@ fn symmetric(random: &mut Pcg64, pixels: usize, per_row: usize) -> CompressedRow
     made
 }
 
-/// A coaxial pinhole rig, whose direct light is a diagonal. The second bounce and the rest are separate layers.
+/// A coaxial pinhole rig, whose direct light is a diagonal. Light of two bounces and light of more bounces are separate layers.
 pub(in crate::transport) fn coaxial() -> Assembled {
     let random = &mut Pcg64::seed_from_u64(1);
     let resolution = Resolution::new(37, 29);
@@ -109,7 +109,7 @@ fn both(
     [(ax, found_ax), (aty, found_aty)]
 }
 
-/// For each row of `P`, or of its transpose: `Σ |a|`, which bounds `Σ |a||x|`, and the number of terms.
+/// For each row of `P` or of its transpose: `Σ |a|`, which bounds `Σ |a||x|`, and the number of terms.
 fn magnitudes(
     matrix: &TransportMatrix,
     (part, channel): (Part, usize),
@@ -119,7 +119,7 @@ fn magnitudes(
     let mut sums = vec![(0.0, 0); if is_transposed { csr.cols() } else { csr.rows() }];
     csr.entries().for_each(|(row, column, weight)| {
         let sum = &mut sums[if is_transposed { column } else { row }];
-        // Layers and the diagonal may meet in an entry, which counts as one here.
+        // The diagonal and the layers may have entries at the same position, which are a single entry here. It is counted as three terms.
         *sum = (sum.0 + weight.abs(), sum.1 + 3);
     });
     sums
@@ -144,8 +144,8 @@ fn products_agree_with_the_processor_to_rounding_for_any_bands() {
                 let magnitudes = magnitudes(&matrix, (part, channel), is_transposed);
                 for (row, (magnitude, terms)) in magnitudes.into_iter().enumerate() {
                     let error = (expected[row] - found[row]).abs();
-                    // Each sum is off by at most ε/2 of Σ|a||x| per product (Higham 2002, section 3.1), and here |x| < 1. Where
-                    // entries meet, `f32` weights are rounded once more, which changes Σ|a| by less than a half.
+                    // Each sum has an error of at most ε/2 of Σ|a||x| per product (Higham 2002, section 3.1), and here |x| < 1. Entries at
+                    // the same position are summed and rounded to `f32`, which changes Σ|a| by less than a half.
                     let bound = 1.5 * (terms + 2) as f64 * f64::EPSILON * magnitude;
                     assert!(error <= bound, "{part:?} {channel}, row {row}: {error:e} above {bound:e}");
                     compared += expected[row].abs();
@@ -178,7 +178,7 @@ fn figures_of_the_device_are_those_of_the_matrix() {
         let bands = on_device.dispatches();
         assert!(bands > 4 && bands == on_device.layers.iter().map(|layer| layer.bands.len()).sum::<usize>());
         let [rows, cols] = [matrix.rig.camera.pixels(), matrix.rig.projector.pixels()];
-        // Each band has the offsets of its rows and one more. An entry has a column and a weight. Vectors are double precision.
+        // Each band has the offsets of its rows and one more offset. An entry has a column and a weight. Vectors are double precision.
         let offsets = 4 * (2 * rows + bands);
         let diagonal = if matrix.is_symmetric() { 4 * rows } else { 0 };
         let bytes = offsets + 8 * matrix.nonzeros() + diagonal + 8 * (rows + cols);

@@ -1,4 +1,4 @@
-//! The assembly of a matrix by a team. Each process traces its pixels, and merges all processes' contributions to its rows.
+//! The assembly of a matrix by a team. Each process traces its pixels, and merges the contributions of all processes to its rows.
 
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
@@ -17,23 +17,23 @@ use crate::transport::scaling::pilot;
 use crate::transport::wire::{self, unread};
 use crate::transport::{Channels, RigShape, TransportMatrix, from_planes};
 
-/// The leader's word after the trace: the processes go on, or they drop their shares.
+/// The leader's message after the trace. The processes either continue, or drop their contributions.
 const GO_ON: u8 = 1;
 const STOP: u8 = 0;
 
-/// The part of the traced scene that this process holds. The leader's part grows into all but the layers of the others.
+/// The part of the traced scene that this process holds. The leader's part receives everything from the other parts except their layers.
 struct Own<const C: usize> {
     matrix: TransportMatrix,
     direct: Vec<Estimates<C>>,
     ambient: Vec<Estimates<C>>,
-    /// The sums over rows and over entries, which determine the noise.
+    /// The sums over rows and over all entries, from which the noise is computed.
     sums: Vec<Estimates<C>>,
     squares: EntrySquares,
     has_halves: bool,
     summary: TraceSummary,
 }
 
-/// Works like [`assemble_layers`](crate::transport::assemble_layers) on the team of the tracer, or on a team of this process alone.
+/// Works like [`assemble_layers`](crate::transport::assemble_layers), on the tracer's team. Without a team, this process is a team of one.
 pub(in crate::transport) fn assemble<const C: usize>(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -72,7 +72,7 @@ pub(in crate::transport) fn of_share<const C: usize>(
     Ok(own.lead(comm)?.0)
 }
 
-/// Works like `assemble`, in a process that does not lead. Returns `None` if another process failed, or if the leader was stopped.
+/// Works like `assemble`, in a process that is not the leader. Returns `None` if another process failed, or if the leader was stopped.
 pub(super) fn assemble_part<const C: usize>(
     comm: &dyn Comm,
     tracer: &mut Tracer,
@@ -85,7 +85,7 @@ pub(super) fn assemble_part<const C: usize>(
     own.retain(&comm.receive(0));
     let Own { mut matrix, direct, .. } = own;
     if matrix.is_symmetric() {
-        // The rows of other processes are never requested.
+        // The pixels of other processes are set to zero. They are never requested here.
         let padded = |own: Vec<f32>| {
             let mut plane = vec![0.0; matrix.rig.camera.pixels()];
             plane[matrix.rows.clone()].copy_from_slice(&own);
@@ -96,8 +96,8 @@ pub(super) fn assemble_part<const C: usize>(
     Ok(Some(matrix))
 }
 
-/// The share of this process, once every process has traced its own. The leader's share has the costs of all. If one process fails, the
-/// leader returns an error and the others return `None`.
+/// The contributions that this process traced, once every process has traced its own. Those of the leader have the total cost. If one
+/// process fails, the leader returns an error, and the others return `None`.
 fn agree<const C: usize>(comm: &dyn Comm, share: Result<Share<C>>) -> Result<Option<Share<C>>> {
     if comm.rank() > 0 {
         answer(comm, share.as_ref().map(|share| share.summary));
@@ -107,7 +107,7 @@ fn agree<const C: usize>(comm: &dyn Comm, share: Result<Share<C>>) -> Result<Opt
     let others = 1..comm.size();
     let send_all = |word: u8| others.clone().for_each(|rank| comm.send(rank, &[word]));
     if share.is_err() {
-        // The others stop tracing when they see this message.
+        // The other processes stop tracing when they see this message.
         send_all(STOP);
     }
     let answers: Vec<Result<TraceSummary>> =
@@ -153,7 +153,7 @@ impl<const C: usize> Own<C> {
         Ok(Self { matrix, direct, ambient, sums, squares, has_halves, summary })
     }
 
-    /// The traced scene, with the sums of all processes. Also the numbers of entries and of bytes that the others hold.
+    /// The traced scene, with the sums of all processes; and the numbers of entries and of bytes that the other processes hold.
     fn lead(mut self, comm: &dyn Comm) -> Result<(Assembled, [usize; 2])> {
         let (mut nonzeros, mut bytes) = (vec![0_u64; self.matrix.layers.len()], 0);
         for rank in 1..comm.size() {
@@ -161,7 +161,8 @@ impl<const C: usize> Own<C> {
             bytes += of_part;
             nonzeros.iter_mut().zip(of_layers).for_each(|(all, more)| *all += more);
         }
-        // A coaxial pinhole rig has no layer of one bounce, because its direct light is the diagonal. All processes keep the same layers.
+        // A coaxial pinhole rig has no layer of one bounce, because the diagonal is its direct light. All processes must keep the same
+        // layers.
         let keeps = |(layer, &elsewhere): (&Layer, &u64)| {
             layer.bounces() != Bounces::One || layer.nonzeros() > 0 || elsewhere > 0
         };
@@ -173,7 +174,7 @@ impl<const C: usize> Own<C> {
         let noise = if self.has_halves { Some(self.noise()?) } else { None };
         let Self { mut matrix, direct, summary, .. } = self;
         matrix.direct = planes(&direct);
-        // A dropped layer has no entries.
+        // A dropped layer has no entries, so these totals are unchanged.
         let elsewhere = [nonzeros.iter().sum::<u64>() as usize, bytes as usize];
         Ok((Assembled { matrix, ambient, noise, summary, gpu_matrix: None }, elsewhere))
     }
@@ -201,7 +202,7 @@ impl<const C: usize> Own<C> {
     /// The message to the leader: the number of entries of each layer, the bytes of all layers, and the sums over pixels, rows and entries.
     fn to_bytes(&self) -> Vec<u8> {
         let nonzeros: Vec<u64> = self.matrix.layers.iter().map(|layer| layer.nonzeros() as u64).collect();
-        // Encoding numbers cannot fail.
+        // Numbers can always be encoded.
         let head = to_bytes(&(nonzeros, self.matrix.bytes() as u64, self.has_halves)).unwrap_or_default();
         wire::message(|to| {
             wire::put(to, &head)?;
@@ -212,7 +213,8 @@ impl<const C: usize> Own<C> {
         })
     }
 
-    /// Adds the message of the process with the next pixels. Returns its number of entries of each layer, and their bytes.
+    /// Adds the message of the process with the next pixels. Returns that process's number of entries of each layer, and bytes of all
+    /// layers.
     fn add_part(&mut self, bytes: &[u8]) -> Result<(Vec<u64>, u64)> {
         let mut from = wire::Reader::new(bytes);
         let (nonzeros, size, has_halves): (Vec<u64>, u64, bool) =
@@ -227,7 +229,7 @@ impl<const C: usize> Own<C> {
     }
 }
 
-/// The layers of a matrix, by class of bounces.
+/// The numbers of bounces of the layers, by class.
 pub(in crate::transport) fn classes(split: bool) -> &'static [Bounces] {
     if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] }
 }
@@ -244,8 +246,8 @@ fn image<const C: usize>(resolution: Resolution, value: impl Fn(usize, usize) ->
     from_planes(resolution, &planes)
 }
 
-/// The pixels of each of `processes` processes. One light path from each of at most 64×64 pixels counts the rays of each part of the
-/// picture. Counts repeat exactly, unlike measured seconds.
+/// Divides the pixels among `processes` processes. To estimate the work, one light path is traced from each of at most 64×64 pixels, and
+/// the rays in each part of the picture are counted. Unlike measured seconds, counts repeat exactly.
 fn balanced(tracer: &mut Tracer, settings: &TraceSettings, processes: usize) -> Result<Vec<StartPixels>> {
     let all = tracer.start_pixels(settings);
     if processes == 1 {
@@ -271,15 +273,15 @@ fn balanced(tracer: &mut Tracer, settings: &TraceSettings, processes: usize) -> 
         .collect())
 }
 
-/// Cuts `pixels` of a picture of this size into ranges of about equal work. `rays` has the work of each row of pixels of a smaller picture.
+/// Divides `pixels` of a picture of this size into ranges of about equal work. `rays` is the work of each pixel row of a smaller picture.
 fn divide(pixels: &Range<usize>, size: Resolution, rays: &[u64], processes: usize) -> Vec<Range<usize>> {
-    // Each row of pixels gets one more ray, so that a picture of nothing is cut into equal parts.
+    // Each row of pixels gets one additional ray, so that a picture without rays is divided into equal parts.
     let work: Vec<f64> = rays.iter().map(|&rays| 1.0 + rays as f64).collect();
     let total: f64 = work.iter().sum();
     let of_row = size.height as f64 / rays.len() as f64 * size.width as f64;
     let (mut cuts, mut done) = (vec![pixels.start], 0.0);
     for (row, &work) in work.iter().enumerate() {
-        // Within a row of pixels, the work is taken to be even.
+        // Within a row of pixels, the work is assumed to be uniform.
         while cuts.len() < processes && done + work >= total * cuts.len() as f64 / processes as f64 {
             let share = (total * cuts.len() as f64 / processes as f64 - done) / work;
             cuts.push((((row as f64 + share) * of_row) as usize).min(pixels.end));
@@ -298,7 +300,7 @@ mod tests {
     #[test]
     fn ranges_have_equal_work_and_cover_each_pixel_once() {
         let size = Resolution::new(10, 8);
-        // The lower half takes three times as long.
+        // The lower half has three times the work of the upper half.
         let found = divide(&(0..80), size, &[100, 100, 300, 300], 2);
         assert_eq!(found.len(), 2);
         assert!((52..=54).contains(&found[0].end), "{found:?}");
@@ -307,19 +309,19 @@ mod tests {
             assert_eq!(found.len(), processes);
             assert_eq!(found.iter().flat_map(Clone::clone).collect::<Vec<_>>(), (0..80).collect::<Vec<_>>());
         }
-        // Each of four processes gets 200 of 800. The rows of pixels have 100, 100, 300 and 300, and 20 pixels each.
+        // The total work is 800, so each of four processes gets 200. The rows have 20 pixels each, and the work 100, 100, 300 and 300.
         let found = divide(&(0..80), size, &[99, 99, 299, 299], 4);
         assert_eq!(found, [0..40, 40..53, 53..66, 66..80], "cut after 2, 2⅔ and 3⅓ rows");
         assert_eq!(divide(&(0..0), size, &[1, 1], 3), [0..0, 0..0, 0..0]);
     }
 
-    /// The work of each process, measured in rays, differs from a fair share by at most one row of pixels at either end.
+    /// The work of each process, measured in rays, differs from an equal share by at most one row of pixels at either end.
     #[test]
     fn the_rays_of_a_scene_are_shared_out_evenly() {
         let scene = crate::scene::builtin::corner().to_scene();
         let mut projector = scene.camera.clone();
         projector.position += 0.2 * projector.right;
-        // The upper part of the picture looks past the scene, so its pixels take fewer rays.
+        // The upper part of the picture does not show the scene, so its pixels need fewer rays.
         let mut scene = crate::scene::Scene { projector: Some(projector), ..scene };
         scene.camera.position += 0.6 * scene.camera.up;
         let mut tracer =

@@ -1,9 +1,9 @@
 //! The exchange of contributions between processes, and their merge into the rows of the matrix.
 //!
-//! Each process has the contributions of the paths that it traced, and needs the contributions to its own rows. Processes exchange and
-//! merge them [step by step](Steps), from the first rows of every process to the last. Each contribution is needed in one step, and freed
-//! after it. In a coaxial rig, the entries whose mirror images were merged in earlier steps come from the finished rows of all processes.
-//! A process alone is a team of one, which merges everything in a single step.
+//! Each process has the contributions of the paths that it traced, and needs all contributions to its own rows. Processes exchange and
+//! merge contributions [step by step](Steps), from the first rows of every process to the last. Each contribution is needed in one step,
+//! and is freed after that step. In a coaxial rig, an entry whose mirror image was merged in an earlier step is copied from the finished
+//! rows of the process that merged it. A single process is a team of one, which merges all rows in one step.
 
 use std::ops::Range;
 
@@ -21,19 +21,19 @@ use crate::transport::wire::{self, unread};
 
 /// The steps in which the rows of a matrix are merged. In each step, all processes merge a group of their rows at the same time.
 ///
-/// In a coaxial rig, a contribution counts for the rows of the pixels at both ends of its path. In any other rig, it counts for the row of
-/// its camera pixel. It is needed only in the first step of its rows. Later, its entry is read from the finished rows, which contain the
-/// mirror image.
+/// In a coaxial rig, a contribution counts for two rows: those of the pixels at both ends of its path. In any other rig, it counts only for
+/// the row of its camera pixel. A contribution is needed only in the earliest step of its rows. In the later step, its entry is copied from
+/// the finished rows, which contain the mirror image.
 #[derive(Debug)]
 pub(in crate::transport) struct Steps {
     symmetric: bool,
-    /// The groups of each process by rank, one for each step. The last ones may be empty.
+    /// For each process by rank, the groups of its rows, one for each step. The last groups may be empty.
     groups: Vec<Vec<Range<usize>>>,
     of_pixel: Vec<u8>,
 }
 
 impl Steps {
-    /// The steps of processes with these groups of rows. The groups must cover all camera rows, with at most 255 for each process.
+    /// The steps of processes with these groups of rows. The groups must cover all camera rows. Each process may have at most 255 groups.
     pub(in crate::transport) fn new(rig: RigShape, mut groups: Vec<Vec<Range<usize>>>) -> Self {
         let pixels = rig.camera.pixels();
         let count = groups.iter().map(Vec::len).max().unwrap_or(0).max(1);
@@ -48,7 +48,7 @@ impl Steps {
         Self { symmetric: rig.symmetric, groups, of_pixel }
     }
 
-    /// One process merges all rows in a single step.
+    /// A single process merges all rows in one step.
     pub(in crate::transport) fn one(rig: RigShape) -> Self {
         Self::new(rig, vec![vec![0..rig.camera.pixels()]])
     }
@@ -80,13 +80,13 @@ impl Steps {
     }
 }
 
-/// The steps in which the processes merge the rows of their pixels. Every process of the team must call it.
+/// The steps in which the processes merge the rows of their pixels. Every process of the team must call this function.
 pub(in crate::transport) fn steps(comm: &dyn Comm, rig: RigShape, pixels: &[StartPixels]) -> Result<Steps> {
     if comm.size() == 1 {
         return Ok(Steps::one(rig));
     }
     let mine = &pixels[comm.rank()].camera;
-    // The groups depend on the number of threads of a process.
+    // The number of threads of a process determines its groups.
     let ends: Vec<usize> = tiles::groups(mine.len()).iter().map(|group| mine.start + group.end).collect();
     let message = to_bytes(&ends)?;
     let all = comm.exchange(vec![message; comm.size()]);
@@ -98,21 +98,21 @@ pub(in crate::transport) fn steps(comm: &dyn Comm, rig: RigShape, pixels: &[Star
     Ok(Steps::new(rig, groups.collect::<Result<_>>()?))
 }
 
-/// The sparse part of the matrix that one process holds, with the sums that determine its noise.
+/// The layers of the matrix that one process holds, with the sums from which the noise is computed.
 pub(in crate::transport) struct Combined<const C: usize> {
-    /// One layer for each class: first one bounce, then the others.
+    /// One layer for each class of bounces. The first layer has one bounce.
     pub(in crate::transport) layers: Vec<Tiles>,
     pub(in crate::transport) rows: Vec<Estimates<C>>,
     /// The squares of the entries that this process merged.
     pub(in crate::transport) squares: EntrySquares,
 }
 
-/// Merges the contributions of all processes to this process's rows, in `classes` layers. `found` has its own contributions by step, by
-/// ascending start pixel with the camera's paths first. `direct` is the diagonal of its rows, with mean and error for each channel, or
-/// empty. Every process of the team must call it.
+/// Merges the contributions of all processes to this process's rows, in `classes` layers. `found` has the contributions that this process
+/// traced, by step, and within a step by ascending start pixel with camera pixels first. `direct` is the diagonal of this process's rows,
+/// with mean and error for each channel, or empty. Every process of the team must call this function.
 ///
-/// A process alone merges all rows of a coaxial rig in one step, but only from the diagonal on: the rest of the tiles is a copy. In a team,
-/// each process merges a group of its rows in each step.
+/// A single process merges all rows of a coaxial rig in one step, but only from the diagonal on; tiles below the diagonal are copied. In a
+/// team, each process merges one group of its rows in each step.
 pub(in crate::transport) fn merge<const C: usize>(
     comm: &dyn Comm,
     rig: RigShape,
@@ -127,7 +127,7 @@ pub(in crate::transport) fn merge<const C: usize>(
     let rows = sums_of_rows(comm, rig, steps, &found, direct)?;
     let Found { steps: found, about } = found;
     let builder = |&entries: &usize| {
-        // In a coaxial rig, these pixels are the ends of about the same number of paths from other pixels.
+        // In a coaxial rig, about as many paths from other pixels end at these pixels.
         let entries = if rig.symmetric { 2 * entries } else { entries };
         Builder::new([mine.len(), rig.projector.pixels()], C, entries, triangle)
     };
@@ -161,15 +161,16 @@ pub(in crate::transport) fn merge<const C: usize>(
     Ok(Combined { layers: layers.into_iter().map(Builder::finish).collect(), rows, squares })
 }
 
-/// Sends each process the contributions to its wanted rows. Returns all contributions to this process's rows, by ascending rank. `own` are
-/// this process's contributions of this step.
+/// Sends to each process the contributions to its wanted rows. Returns all contributions to this process's rows, by ascending rank. `own`
+/// are the contributions of this step that this process traced.
 fn exchange<const C: usize>(
     comm: &dyn Comm,
     rig: RigShape,
     wanted: &[Range<usize>],
     own: Vec<Chunk<C>>,
 ) -> Result<Vec<Chunk<C>>> {
-    // The rows of this process's camera pixels are here. In a coaxial rig their paths also count for the pixels at their ends.
+    // This process already has the contributions of its camera pixels to their own rows. In a coaxial rig, they also count for the rows of
+    // the pixels at the other end of each path.
     let chunks: Vec<&Chunk<C>> = own.iter().collect();
     let message = |(rank, rows): (usize, &Range<usize>)| {
         if rank == comm.rank() { Vec::new() } else { wire::chunks_to_bytes(&chunks, rig.symmetric, rows) }
@@ -186,7 +187,7 @@ fn exchange<const C: usize>(
     Ok(all)
 }
 
-/// The sums over this process's rows. `found` has its own contributions, and `direct` is the diagonal of these rows.
+/// The sums over this process's rows. `found` has the contributions that this process traced, and `direct` is the diagonal of its rows.
 fn sums_of_rows<const C: usize>(
     comm: &dyn Comm,
     rig: RigShape,
@@ -199,7 +200,7 @@ fn sums_of_rows<const C: usize>(
     let scale = Scale::new(all.into_iter().max().unwrap_or(0));
     let chunks: Vec<&Chunk<C>> = found.chunks().collect();
     let mut sums = row_sums(&chunks, rig, scale);
-    // Each process adds the others' sums for its rows.
+    // Each process adds the sums of the other processes for its own rows.
     let message = |(rank, rows): (usize, Range<usize>)| {
         let others = if rank == comm.rank() { &[] } else { &sums[rows] };
         wire::message(|to| wire::put::<i128>(to, others.as_flattened().as_flattened()))
@@ -214,8 +215,8 @@ fn sums_of_rows<const C: usize>(
     Ok(with_direct(scale, &sums[mine], direct))
 }
 
-/// For each layer, the entries in this step's rows of this process whose mirror images were merged in earlier steps. They come from each
-/// process in turn, with the column that ends its range. The list is empty if there were no earlier steps.
+/// For each layer, the entries in this step's rows of this process whose mirror images were merged in earlier steps. Each part comes from
+/// one process, together with the end of that process's range of columns. The list is empty in the first step.
 fn mirrored(
     comm: &dyn Comm,
     rig: RigShape,

@@ -4,13 +4,13 @@
 //! Every sum is taken in the order of a single process, so the bits do not depend on the number of processes:
 //!
 //! * A row of the matrix gets contributions from the paths of its own pixel, and from paths of other pixels that end there. Each process
-//!   sends the latter to the process that holds the row (`exchange`), which merges them by ascending start pixel. One process merges an
-//!   entry of a symmetric matrix, and its mirror image is a copy.
-//! * Sums over rows and over all entries, which determine the noise, are exact, so they do not depend on the order (`exchange`).
-//! * A product of a row is the sum over its entries from left to right. The process that holds the row computes it, and the leader puts the
-//!   rows together ([`Spread`]). The transpose of a rig that is not coaxial is spread by the pixels of the projector when it is first used.
-//! * A photo that is traced anew adds up contributions to every pixel in the order of the paths. The processes trace, and the leader adds
-//!   up (`retrace`).
+//!   sends contributions of the second kind to the process that holds the row (`exchange`), which merges them by ascending start pixel. In
+//!   a symmetric matrix, one process merges an entry, and the mirror image is a copy.
+//! * Sums over rows and over all entries, from which the noise is computed, are exact, so they do not depend on the order (`exchange`).
+//! * An entry of a product is the sum over the entries of a row from left to right. The process that holds the row computes this sum, and
+//!   the leader collects all rows ([`Spread`]). The transpose of a rig that is not coaxial is spread by projector pixels at first use.
+//! * A photo that is traced anew sums contributions to every pixel in the order of the paths. All processes trace, and the leader sums
+//!   (`retrace`).
 //!
 //! The leader sends the others a `Command`; a [`SceneWorker`] carries it out.
 
@@ -45,13 +45,13 @@ use crate::render::{AdapterSummary, StartPixels, TraceSettings, Tracer};
 use crate::scene::Scene;
 use crate::team::{Comm, Remote, Team, Told, Turn, answer, serve};
 
-/// The parts of a matrix that other processes hold, as the leader sees them.
+/// The leader's record of the parts of a matrix that other processes hold.
 #[derive(Debug)]
 pub(super) struct Spread {
     remote: Remote,
-    /// The pixels of each process, by rank. Its rows are the camera pixels, and its columns are the projector pixels.
+    /// The pixels of each process, by rank. The rows of the matrix are camera pixels, and the rows of the transpose are projector pixels.
     pub(super) pixels: Vec<StartPixels>,
-    /// The number of entries that other processes hold, and their size in bytes there.
+    /// The number of entries that other processes hold, and the bytes that these entries take there.
     pub(super) nonzeros: usize,
     pub(super) bytes: usize,
     /// Set once each process has its rows of the transpose.
@@ -63,7 +63,7 @@ impl Spread {
         self.remote.command(command).expect("numbers can be sent")
     }
 
-    /// The product of a matrix. `own` has the rows of this process, the leader.
+    /// Computes a product of the matrix. `own` has the rows of this process, the leader.
     pub(super) fn multiply<V: Summable>(
         &self,
         own: &TransportMatrix,
@@ -89,7 +89,7 @@ impl Spread {
         }
     }
 
-    /// All rows of the layers. `own` are the rows of this process.
+    /// The layers with all rows. `own` has the rows of this process.
     pub(super) fn gathered(&self, own: &[Layer]) -> Result<Vec<Layer>> {
         let layer = |(at, own): (usize, &Layer)| {
             let mut rows = vec![own.to_rows()];
@@ -102,7 +102,7 @@ impl Spread {
         own.iter().enumerate().map(layer).collect()
     }
 
-    /// The squares of all entries of a layer, added row by row to `own`, which is the sum over the rows of this process.
+    /// The squares of all entries of a layer. They are added row by row to `own`, the sum over the rows of this process.
     pub(super) fn squares(&self, layer: usize, channel: usize, own: f64) -> f64 {
         let turn = self.command(&Command::Squares { layer, channel });
         turn.others().fold(own, |sum, rank| {
@@ -116,7 +116,7 @@ fn number(message: &[u8]) -> f64 {
     message.try_into().map(f64::from_le_bytes).expect("all processes run the same program")
 }
 
-/// Computes this process's rows of a product for the leader, which sends the vector.
+/// Computes this process's rows of a product. The leader sends the vector.
 fn multiply_part<V: Summable>(comm: &dyn Comm, own: &TransportMatrix, product: Product, rows: &Range<usize>) {
     let from: Vec<V> = bytemuck::pod_collect_to_vec(&comm.broadcast(None));
     let mut to = vec![V::default(); rows.len()];
@@ -124,14 +124,14 @@ fn multiply_part<V: Summable>(comm: &dyn Comm, own: &TransportMatrix, product: P
     comm.send(0, bytemuck::cast_slice(&to));
 }
 
-/// Makes this process's rows of the transpose, one for each of its projector pixels. Every process of the team must call it.
+/// Computes this process's rows of the transpose, one for each of its projector pixels. Every process of the team must call this function.
 fn transpose_part(comm: &dyn Comm, own: &TransportMatrix, pixels: &[StartPixels]) {
     for layer in &own.layers {
         let rows = layer.to_rows();
         let message = |to: &StartPixels| wire::rows_to_bytes(&rows.transposed(&to.projector, own.rows.start));
         let received = comm.exchange(pixels.iter().map(message).collect());
         let channels = rows.weights.len();
-        // The rows of the matrix arrive by rank, so they are in order.
+        // Rows of the matrix arrive by ascending rank, so they are in order.
         let parts: Vec<CompressedRows> = received
             .iter()
             .map(|bytes| wire::take_rows(bytes, channels).expect("all processes run the same program"))
@@ -146,7 +146,7 @@ fn transpose_part(comm: &dyn Comm, own: &TransportMatrix, pixels: &[StartPixels]
     }
 }
 
-/// A process's rows of a product: its camera pixels, or its projector pixels for the transpose of a matrix that is not symmetric.
+/// This process's rows of a product: its camera pixels; or its projector pixels, for the transpose of a matrix that is not symmetric.
 fn own_rows<'a>(matrix: &TransportMatrix, product: Product, pixels: &'a StartPixels) -> &'a Range<usize> {
     if is_transposed(matrix, product) { &pixels.projector } else { &pixels.camera }
 }
@@ -157,12 +157,12 @@ fn is_transposed(matrix: &TransportMatrix, product: Product) -> bool {
 
 #[derive(Serialize, Deserialize)]
 enum Command {
-    /// Moves this scene to the device whose name contains `adapter`. The answer is an [`crate::render::AdapterSummary`].
+    /// Moves this scene to the device whose name contains `adapter`. The reply is an [`crate::render::AdapterSummary`].
     Open {
         scene: Box<Scene>,
         adapter: Option<String>,
     },
-    /// Traces the paths of each range of pixels of a scene that the leader requests.
+    /// Traces a scene's paths from each range of pixels that the leader requests.
     Trace {
         settings: TraceSettings,
     },
@@ -174,7 +174,7 @@ enum Command {
         split: bool,
         pixels: Vec<StartPixels>,
     },
-    /// Multiplies the worker's rows of a matrix with one vector, or with four interleaved ones. The vectors follow.
+    /// Multiplies the worker's rows of a matrix by one vector, or by four interleaved vectors. The vectors are sent next.
     Multiply {
         product: Product,
         interleaved: bool,
@@ -183,18 +183,19 @@ enum Command {
     Rows {
         layer: usize,
     },
-    /// Adds the squares of the worker's entries of a layer to a sum. The sum follows.
+    /// Adds the squares of the worker's entries of a layer to a sum. The sum is sent next.
     Squares {
         layer: usize,
         channel: usize,
     },
 }
 
-/// Lets the other processes of the team help to trace `scene`, which must be the tracer's scene. They get the scene from this process, and
-/// open the adapter whose name contains `adapter`, or the fastest one for `None`.
+/// Lets the other processes of the team help to trace `scene`, which must be the tracer's scene. This process sends them the scene. They
+/// open the adapter whose name contains `adapter`, or the fastest adapter for `None`.
 ///
 /// # Errors
-/// [`Error::Team`] if a process has no such adapter, or one with another driver: its light paths would have other bits.
+/// [`Error::Team`] if a process has no such adapter, or if its adapter has another driver, because the bits of its light paths would
+/// differ.
 pub fn share_scene(
     tracer: &mut Tracer,
     scene: &Scene,
@@ -224,7 +225,7 @@ pub fn share_scene(
     Ok(())
 }
 
-/// A process that does not lead, with the scenes that the leader shares, and its rows of their matrices.
+/// A process that is not the leader, with the scenes that the leader shares, and its rows of their matrices.
 pub struct SceneWorker {
     comm: Arc<dyn Comm>,
     host: String,
@@ -240,7 +241,7 @@ struct Rows {
 }
 
 impl SceneWorker {
-    /// Process number `turn` on the machine `host`, without any scenes.
+    /// Process number `turn` on the machine `host`. It has no scenes yet.
     pub fn new(comm: Arc<dyn Comm>, host: String, turn: usize) -> Self {
         Self { comm, host, turn, scenes: HashMap::new(), matrices: HashMap::new() }
     }
@@ -306,7 +307,7 @@ impl SceneWorker {
         Ok((self.host.clone(), summary))
     }
 
-    /// This process's rows of a matrix. The result is `None` if another process failed, or if the leader was stopped.
+    /// Assembles this process's rows of a matrix. The result is `None` if another process failed, or if the leader was stopped.
     fn assemble(
         &mut self,
         scene: u64,
@@ -321,12 +322,12 @@ impl SceneWorker {
             Channels::Rgb => assembly::assemble_part::<3>(comm, tracer, settings, of, pixels),
         };
         tracer.observe(Arc::new(()));
-        // The leader and the others wait for this process, so a message that it cannot read ends the team.
+        // The leader and the other processes wait for this one, so an unreadable message must end the team.
         matrix.expect("all processes run the same program")
     }
 }
 
-/// Stops a trace when a message of the leader arrives. The leader sends one only if it goes on without this trace.
+/// Stops a trace when a message from the leader arrives. During a trace, the leader sends one only if it continues without this trace.
 struct StopByLeader(Arc<dyn Comm>);
 
 impl Observer for StopByLeader {

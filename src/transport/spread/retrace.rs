@@ -1,4 +1,4 @@
-//! Light paths that several processes trace and one process adds up, in the order of the paths.
+//! Several processes trace light paths, and one process sums them in the order of the paths.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -12,8 +12,8 @@ use crate::team::{Comm, Turn, answer, garbled, read_answer};
 /// The approximate number of light paths that a process traces at a time.
 const PATHS: u64 = 1 << 16;
 
-/// Works like [`Tracer::trace`], with the help of the team of the tracer, if it has one. The processes take ranges of pixels in turn: while
-/// the leader adds up one, the others trace the next ones.
+/// Works like [`Tracer::trace`], with the help of the tracer's team, if it has one. The processes take turns with ranges of pixels: while
+/// the leader sums the paths of one range, the other processes trace the next ranges.
 pub(in crate::transport) fn trace(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -23,7 +23,7 @@ pub(in crate::transport) fn trace(
     settings.check()?;
     let turn = remote.command(&Command::Trace { settings: *settings })?;
     let traced = trace_all(&turn, tracer, settings, visit);
-    // The others end the command in any case, and all their messages are received.
+    // The other processes finish the command even after an error, so all their messages are received here.
     turn.send_all(&[]);
     for rank in turn.others() {
         while !turn.comm().receive(rank).is_empty() {}
@@ -31,7 +31,7 @@ pub(in crate::transport) fn trace(
     traced
 }
 
-/// Traces the leader's ranges, and receives the other processes' ranges.
+/// Traces the leader's ranges, and receives the paths of the other processes' ranges.
 fn trace_all(
     turn: &Turn<'_>,
     tracer: &mut Tracer,
@@ -59,7 +59,7 @@ fn trace_all(
     Ok(())
 }
 
-/// Traces this process's ranges for the leader, one ahead of the leader, until all are done or the leader says that it has enough.
+/// Traces this process's ranges for the leader, one range ahead of the leader, until all are done or the leader says that it needs no more.
 pub(super) fn trace_part(comm: &Arc<dyn Comm>, tracer: Option<&mut Tracer>, settings: &TraceSettings) {
     match tracer {
         None => answer::<()>(&**comm, Err(garbled("no such scene"))),
@@ -79,12 +79,12 @@ pub(super) fn trace_part(comm: &Arc<dyn Comm>, tracer: Option<&mut Tracer>, sett
             tracer.observe(Arc::new(()));
         }
     }
-    // The empty message ends the answers. Then the leader's last message is received.
+    // An empty message ends this process's replies. Then it receives the leader's last message.
     comm.send(0, &[]);
     comm.receive(0);
 }
 
-/// The pixels of the camera, and then of a projector that stands apart, in ranges.
+/// Divides into ranges the pixels of the camera, and then those of a projector that stands apart.
 fn ranges(tracer: &Tracer, settings: &TraceSettings) -> Vec<StartPixels> {
     let StartPixels { camera, projector } = tracer.start_pixels(settings);
     let of_one = |camera, projector| {
@@ -100,15 +100,16 @@ fn ranges(tracer: &Tracer, settings: &TraceSettings) -> Vec<StartPixels> {
         .collect()
 }
 
-/// The number of light paths from a range of pixels. A projector that stands apart has about the same number from each pixel as the camera.
+/// The number of light paths from a range of pixels. It is approximate for a projector that stands apart, which has about as many paths
+/// from each pixel as the camera.
 fn paths(range: &StartPixels, settings: &TraceSettings) -> u64 {
     (range.camera.len() + range.projector.len()) as u64 * u64::from(settings.samples)
 }
 
-/// Reports the progress of one range to an observer of all ranges.
+/// Observes the tracing of one range, and reports it as progress within all ranges.
 struct Within {
     all: Arc<dyn Observer + Send + Sync>,
-    /// Paths of the earlier ranges.
+    /// The number of paths in the earlier ranges.
     done: u64,
     total: u64,
 }
@@ -136,7 +137,7 @@ mod tests {
         let apart = Scene { projector: Some(scene.camera.clone()), ..scene };
         let tracer = Tracer::new(&apart, None).expect("the README's test command installs a Vulkan driver");
         let size = |width| Resolution::new(width, 100);
-        // 12800 and 6400 pixels with 100 paths each make about 20 and 10 times 65536 paths.
+        // 12800 pixels and 6400 pixels, with 100 paths each, make about 20 and 10 times 65536 paths.
         let settings = TraceSettings { projector: Some(size(64)), ..TraceSettings::new(size(128), 100) };
         let found = ranges(&tracer, &settings);
         let camera = found.iter().take_while(|part| !part.camera.is_empty()).count();
@@ -149,7 +150,7 @@ mod tests {
             found[..camera].iter().all(|part| part.projector.is_empty()),
             "the camera's paths come first"
         );
-        // A pixel with more paths is a separate range, and no range is empty.
+        // A pixel with more paths than a range should have is a range of its own, and no range is empty.
         let few = TraceSettings {
             projector: Some(Resolution::new(1, 1)),
             ..TraceSettings::new(Resolution::new(2, 1), 1 << 18)
@@ -162,7 +163,7 @@ mod tests {
         assert_eq!(paths(&StartPixels { camera: 3..5, projector: 0..7 }, &few), 9 << 18);
     }
 
-    /// Records the done and the total paths at each step.
+    /// Records, at each step, the number of finished paths and the total.
     #[derive(Default)]
     struct Seen(Mutex<Vec<(u64, u64)>>);
 
@@ -179,7 +180,7 @@ mod tests {
         let within = Within { all: Arc::clone(&seen) as Arc<_>, done: 30, total: 40 };
         let step = |done| within.step(&Step { stage: "tracing", done, total: 10, estimate: Estimate::None });
         assert_eq!([step(0), step(5), step(10)].map(|flow| flow.is_break()), [false, true, false]);
-        // A projector range may have more paths than estimated.
+        // A range of projector pixels may have more paths than estimated, so progress is limited to the total.
         assert!(step(12).is_continue());
         assert_eq!(*seen.0.lock().expect("no one panics"), [(30, 40), (35, 40), (40, 40), (40, 40)]);
     }

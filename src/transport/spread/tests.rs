@@ -20,7 +20,7 @@ struct Crew {
     others: Vec<JoinHandle<()>>,
 }
 
-/// Lets a member of a team compute in one thread, so that a small matrix has several steps on every machine.
+/// Limits `compute`, which a member of a team calls, to one thread, so that even a small matrix has several steps on every machine.
 fn with_one_thread<T: Send>(compute: impl FnOnce() -> T + Send) -> T {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     pool.unwrap_or_else(|error| unreachable!("{error}")).install(compute)
@@ -81,7 +81,7 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// Pictures whose rows are merged in several steps: a coaxial rig, and a projector beside the camera with another size.
+/// Two cases whose rows are merged in several steps: a coaxial rig, and a projector beside the camera with another size.
 fn cases_of_several_steps() -> Vec<Case> {
     let mut cases = cases();
     let apart = cases.swap_remove(2);
@@ -100,7 +100,7 @@ fn pattern(pixels: usize) -> Vec<f64> {
 
 type Told = (Vec<Vec<f64>>, Vec<f64>, Vec<Csr>);
 
-/// Everything that a matrix gives: products of vectors and of a block in both directions, norms, entries, ambient light and noise.
+/// All results that a matrix can give: products with vectors and blocks in both directions, norms, entries, ambient light and noise.
 fn told(traced: &Assembled) -> Result<Told> {
     let matrix = &traced.matrix;
     let (mut vectors, mut norms, mut entries) = (Vec::new(), Vec::new(), Vec::new());
@@ -146,7 +146,7 @@ fn a_spread_matrix_has_the_bits_of_one_process() -> Result<()> {
                     let own = traced.matrix.rows.len();
                     assert!(own > 0 && own < settings.resolution.pixels(), "each process has some rows");
                     assert!(traced.matrix.bounces().eq(alone.matrix.bounces()), "the same layers are kept");
-                    // Each entry takes two bytes for its column and four for each weight, in whichever process it is.
+                    // In every process, an entry takes two bytes for its column and four for each weight.
                     let least = traced.matrix.nonzeros() * (2 + 4 * channels.count());
                     assert!(traced.matrix.bytes() >= least, "{} of {least}", traced.matrix.bytes());
                     assert!(told(&traced)? == expected, "{} with {size} processes", scene.path.display());

@@ -1,4 +1,4 @@
-//! The size of a matrix, which small traces predict.
+//! Tests of predictions: small traces predict the size and the cost of a matrix.
 
 use std::time::Instant;
 
@@ -47,13 +47,13 @@ fn memory_is_predicted_from_a_pilot_where_it_could_be_too_much() {
     let mut predicted =
         |limit| predict(&mut tracer, &settings, Channels::Luma, limit).expect("it can be traced");
     let most = predicted(u64::MAX);
-    // Two connections on each of six surfaces for 8400 paths.
+    // There are 8400 paths, with at most two connections on each of six surfaces.
     assert_eq!(most.connections, 12.0 * 8400.0);
     assert_eq!(predicted(most.bytes.ceil() as u64), most);
     let likely = predicted(most.bytes as u64 - 1);
     assert!(likely.connections < most.connections && likely.bytes < most.bytes, "{likely:?}");
     let (_, mean) = connections(&mut tracer, &pilot(&settings)).expect("it can be traced");
-    // The prediction is a twentieth more than the mean of 1920 paths.
+    // The prediction is 5 % above the mean of 1920 paths.
     assert!(
         (likely.connections - 1.05 * mean * 8400.0).abs() < 1e-9 * likely.connections,
         "{likely:?}, {mean}"
@@ -73,7 +73,7 @@ fn a_probe_measures_a_small_matrix_of_the_scene() {
         let start = Instant::now();
         let probe = Probe::measure(&mut tracer, &settings).expect("the scene can be traced");
         let whole = start.elapsed().as_secs_f64();
-        // Half and 0.64 of the pixels on each side: 128 on the longer one.
+        // The pilot has at most 128 pixels on a side. This is half of the camera's pixels on each side, and 0.64 of the projector's.
         let pilot = TraceSettings { resolution: Resolution::new(128, 30), projector: small, ..settings };
         let one = TraceSettings { samples: 1, ..pilot };
         let (paths, per_path) = connections(&mut tracer, &one).expect("the scene can be traced");
@@ -82,13 +82,13 @@ fn a_probe_measures_a_small_matrix_of_the_scene() {
         let share = Share::<1>::trace(&mut tracer, &pilot, &all, false, None);
         let share = share.expect("the scene can be traced");
         let found: usize = share.found.chunks().map(|chunk| chunk.terms.len()).sum();
-        // The number of different pixels that are hit, if all paths from a pixel hit the pixels that they reach at random.
+        // The expected number of different pixels that are hit if a path hits any of its reachable pixels with equal probability.
         let ends = small.unwrap_or(pilot.resolution).pixels() as f64;
         let reached = probe.reached * ends;
         let hit = reached * (1.0 - (-3.0 * per_path / reached).exp());
         let of_start = found as f64 / paths as f64;
         assert!(probe.reached < 1.0 && (hit - of_start).abs() < 1e-6 * of_start, "{hit}, {of_start}");
-        // Together, paths, entries, five products and vectors of 2²¹ entries take no longer than the whole.
+        // Paths, entries, five products and vectors of 2²¹ entries together take at most the time of the whole measurement.
         let entries =
             assemble(&mut tracer, &pilot, Channels::Luma).expect("it can be traced").matrix.nonzeros() as f64;
         let parts = [

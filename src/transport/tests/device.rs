@@ -1,10 +1,10 @@
-//! Compares matrices whose contributions the device sorted and summed with matrices of the host.
+//! Compares matrices of contributions that the device sorted and summed with matrices of contributions that the host summed.
 
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, builtin};
 use crate::transport::*;
 
-/// The most single-precision roundings of an entry: up to 64 contributions in a run, weights, luminance, and the mirror image.
+/// The maximum number of single-precision roundings of an entry: up to 64 contributions in a run, weights, luminance, and the mirror image.
 const ROUNDINGS: f64 = 80.0;
 
 fn traced(scene: &Scene, on_device: bool, channels: Channels, split: bool) -> Assembled {
@@ -29,9 +29,9 @@ fn a_matrix_merged_on_the_device_is_that_of_the_host_but_for_rounding() {
         assert!(host.summary.merged == 0 && device.summary.merged > 0, "{name}");
         let [of_host, of_device] = [&host, &device].map(|of| of.matrix.layers().expect("it is whole"));
         assert_eq!(of_host.len(), of_device.len(), "{name}");
-        // The merge does not change direct and ambient light.
+        // Sorting and summing on the device does not change direct and ambient light.
         assert_eq!(host.ambient, device.ambient, "{name}");
-        // An entry has a weight of four bytes for each channel, and its column.
+        // An entry has a column, and a weight of four bytes for each channel.
         let weights = |layer: &Layer| layer.nonzeros() * 4 * channels.count();
         assert!(of_device.iter().all(|layer| layer.bytes() > weights(layer)), "{name}");
         for (host, device) in of_host.iter().zip(of_device.iter()) {

@@ -1,4 +1,4 @@
-//! Checks of a prediction by independent light paths, with sums of squares and signs, on numbers that are calculated by hand.
+//! Compares the checks of a prediction by independent light paths, sums of squares and a sign test, with values calculated by hand.
 
 use crate::image::Resolution;
 use crate::render::TraceSettings;
@@ -6,7 +6,7 @@ use crate::transport::{EstimatedProduct, Squares, with_other_seed};
 
 #[test]
 fn the_excess_is_what_noise_and_allowed_errors_leave_in_standard_errors() {
-    // The noise of both is 4 + 4, and errors of the norm 3 are allowed. The sum scatters by √(36 + 2² 16) = 10.
+    // The noise of photo and prediction is 4 + 4, and errors of the norm 3 are allowed. The sum of squares scatters by √(36 + 2² 16) = 10.
     let sums = Squares { difference: 30.0, noise: 4.0, product: 100.0, fourth: [36.0, 16.0] };
     assert_eq!(sums.excess(1.0, 3.0), 1.3);
     assert_eq!(Squares { difference: 1.0, ..sums }.excess(1.0, 3.0), -1.6);
@@ -17,7 +17,7 @@ fn the_excess_is_what_noise_and_allowed_errors_leave_in_standard_errors() {
 
 #[test]
 fn the_resolution_is_the_error_that_is_seen_in_half_of_all_cases() {
-    // The photo has 96 beside its noise, and the sum scatters by 2 √(2·18) = 12: an error of √(4.5·12 / 96).
+    // Without its noise, the photo has the sum of squares 96. This sum scatters by 2 √(2·18) = 12, so the error is √(4.5·12 / 96).
     let sums = Squares { difference: 30.0, noise: 4.0, product: 100.0, fourth: [36.0, 18.0] };
     assert_eq!(sums.resolution(1.0, 4.5), 0.75);
     for fourth in [0.0, 18.0] {
@@ -56,12 +56,12 @@ fn squares_of_a_product_are_those_of_its_differences_errors_and_values() {
 
 #[test]
 fn signs_count_the_pixels_that_are_farther_than_a_draw_of_the_noise() {
-    // The squares of the errors sum up to 21. The prediction's noise is as large, and errors of the norm 3 are allowed. A pixel of error 1
-    // is farther if its square is above 2 + 9/21, and 9/6 for the errors that are spread evenly: 1.982 and more. A pixel of error 3 is
-    // farther from 4.833 on.
+    // The sum of the photo's squared errors is 21. The prediction has as much noise, and errors of the norm 3 are allowed. The draw at a
+    // pixel with the error `e` has the square `(2 + 9/21) e² + 9/6`. The difference at a pixel of error 1 is therefore larger from 1.982
+    // on, and at a pixel of error 3 from 4.833 on.
     let photo = product(&[0.0; 6], &[1.0, -1.0, 0.0, 3.0, 3.0, 1.0]);
     let signs = photo.signs(&[1.99, 1.98, 7.0, 4.84, 4.83, -1.99], 1.0, 3.0);
-    // Three of five pixels are farther, where 2.5 are expected with a variance of 5/4. The pixel without noise does not count.
+    // The difference is larger at three of five pixels. 2.5 are expected, with the variance 5/4. The pixel without noise does not count.
     assert!((signs - 0.5 / 1.25_f64.sqrt()).abs() < 1e-12, "{signs}");
     let one = product(&[2.0], &[1.0]);
     let of_one = [2.9, 3.0, 3.1, 0.9].map(|prediction| one.signs(&[prediction], 0.0, 0.0));

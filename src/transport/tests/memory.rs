@@ -1,4 +1,4 @@
-//! The working set: the bytes that matrices and messages take while they are made, and afterwards.
+//! Tests of the memory that matrices and messages take, while they are made and afterwards.
 
 #![allow(unsafe_code, reason = "a global allocator that counts cannot be written without")]
 
@@ -17,7 +17,7 @@ use crate::transport::tiles::{CompressedRows, Entries, Fragment, Pages, Tiles, g
 use crate::transport::transpose::Sources;
 use crate::transport::{Bounces, Channels, Layer, Part, RigShape, TransportMatrix, wire};
 
-/// Bytes that some threads have allocated and not freed: now, and the most so far.
+/// The bytes that some threads have allocated and not freed: the current number, and its maximum.
 #[derive(Default)]
 struct Counter {
     now: AtomicIsize,
@@ -25,7 +25,7 @@ struct Counter {
 }
 
 thread_local! {
-    /// The counter of this thread. Other tests have none, or another one.
+    /// The counter of this thread. Threads of other tests have no counter, or a different one.
     static COUNTER: Cell<Option<&'static Counter>> = const { Cell::new(None) };
 }
 
@@ -35,7 +35,7 @@ struct Counting;
 static ALLOCATOR: Counting = Counting;
 
 fn count(bytes: isize) {
-    // A thread that ends no longer has a counter.
+    // A thread that is ending has no counter any more.
     if let Ok(Some(counter)) = COUNTER.try_with(Cell::get) {
         let now = counter.now.fetch_add(bytes, SeqCst) + bytes;
         counter.most.fetch_max(now, SeqCst);
@@ -62,7 +62,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// The bytes of a piece of work, counted in its threads only: its input, the peak including its input, and the rest at its end.
+/// The memory of a piece of work, in its own threads only: the bytes of its input, the peak with the input, and the bytes left at the end.
 #[derive(Clone, Copy, Debug)]
 struct Bytes {
     given: usize,
@@ -70,7 +70,7 @@ struct Bytes {
     left: usize,
 }
 
-/// The result of `work` on the result of `make`, both on the same `threads` threads, and the bytes of `work`.
+/// Runs `make` and then `work` on its result, on the same `threads` threads. Returns the result of `work`, and the bytes that `work` takes.
 fn measured<A: Send, T: Send>(
     threads: usize,
     make: impl FnOnce() -> A + Send,
@@ -82,7 +82,7 @@ fn measured<A: Send, T: Send>(
         .start_handler(move |_| COUNTER.set(Some(counter)))
         .build();
     pool.expect("threads can be started").install(|| {
-        // The threads themselves keep some memory after their first work.
+        // The threads keep some memory after their first work, so they work once before counting starts.
         rayon::join(|| rayon::broadcast(|_| ()), || ());
         counter.now.store(0, SeqCst);
         let given = make();
@@ -94,10 +94,10 @@ fn measured<A: Send, T: Send>(
     })
 }
 
-/// The bytes of small things such as lists of tasks and vectors of vectors, besides the arrays that a test knows.
+/// A bound for the bytes of small things, such as lists of tasks and vectors of vectors, beside the large arrays of a test.
 const SMALL: usize = 100_000;
 
-/// The bytes of a contribution (place, mean and error) and of a layer's entry (column and weight) in one channel.
+/// The bytes in one channel of a contribution (position, mean and error), and of a layer's entry (column and weight).
 const TERM: usize = 12;
 const ENTRY: usize = 8;
 
@@ -110,7 +110,7 @@ fn rig(symmetric: bool) -> RigShape {
     RigShape { camera: size, projector: size, symmetric }
 }
 
-/// Contributions of light of two bounces from each pixel to `each` others, spread evenly. The chunks have 64 pixels.
+/// Contributions of two-bounce light from each pixel to `each` other pixels, evenly spaced. The chunks have 64 pixels.
 fn chunks(from_camera: bool, each: usize) -> Vec<Chunk<1>> {
     let chunk = |first: usize| {
         let rows = (0..64).map(|row| Row { pixel: (first + row) as u32, from_camera, end: each * (row + 1) });
@@ -139,15 +139,15 @@ fn pieces(rows: usize, cols: usize) -> Vec<CompressedRows> {
     (0..rows / 64).map(piece).collect()
 }
 
-/// The most rows that become tiles at a time, as a share of all rows.
+/// The maximum number of rows that become tiles at the same time, relative to all rows.
 fn group(threads: usize) -> f64 {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be started");
     let longest = pool.install(|| groups(PIXELS).iter().map(Range::len).max());
     longest.unwrap_or(0) as f64 / PIXELS as f64
 }
 
-/// A matrix is made of contributions that are freed while it grows, so both together never take the sum of their sizes. A group of rows is
-/// in memory more often: half of its contributions transposed, its rows from the tasks, and its rows as one piece.
+/// Contributions are freed while the matrix grows, so the peak is below the sum of their sizes. A group of rows that is being merged is in
+/// memory several times: half of its contributions as their transpose, its rows as the tasks made them, and its rows as one piece.
 #[test]
 fn a_triangle_gives_contributions_back_while_the_tiles_grow() {
     for count in [1, 2] {
@@ -163,12 +163,12 @@ fn a_triangle_gives_contributions_back_while_the_tiles_grow() {
         // The first rows have the most entries on and above the diagonal.
         let share = group(count) * (2.0 - group(count));
         let of_group = (share * ((TERM / 2 + 2 * ENTRY) * PIXELS * EACH) as f64) as usize;
-        // A pixel has its sums, the location of its contributions, a task's cursor and the number of its contributions.
+        // For each pixel, there are its sums, the location of its contributions, the cursor of a task and the number of its contributions.
         let of_pixels = 150 * PIXELS;
         let bound = bytes.given.max(tiles) + of_group + of_pixels;
         assert!(bound < bytes.given + tiles, "the bound tells something: {bound}, {bytes:?}, {tiles}");
         assert!(bytes.most <= bound, "{count} threads: {bytes:?} above {bound}; {tiles} of tiles");
-        // Only the matrix and the sums over its rows remain. The threads' own queues may have grown or shrunk.
+        // At the end, only the matrix and the sums over its rows are left. The threads' own queues may have grown or shrunk.
         let kept = tiles + size_of_val(&rows[..]);
         assert!(bytes.left.abs_diff(kept) < SMALL / 4, "{bytes:?}, {kept}");
     }
@@ -178,7 +178,7 @@ fn a_triangle_gives_contributions_back_while_the_tiles_grow() {
 fn rows_are_given_back_as_they_become_tiles() {
     let (tiles, bytes) = measured(1, || pieces(PIXELS, PIXELS), |pieces| Tiles::new(PIXELS, pieces));
     let of_group = (group(1) * bytes.given as f64) as usize;
-    // A group is in memory twice beside its pieces: as windows of rows, and as tiles.
+    // A group is in memory two more times beside its pieces: as windows of rows, and as tiles.
     let bound = bytes.given.max(tiles.bytes()) + 2 * of_group + SMALL;
     assert!(bound < bytes.given + tiles.bytes(), "the bound tells something: {bound}, {bytes:?}");
     assert!(bytes.most <= bound, "{bytes:?} above {bound}");
@@ -192,10 +192,11 @@ fn a_matrix_takes_the_bytes_that_it_states() {
         TransportMatrix::new(rig(true), Channels::Luma, vec![vec![1.0; PIXELS]], layers)
     });
     assert_eq!(matrix.nonzeros(), 2 * PIXELS * EACH);
-    // Each entry has two bytes for its column and four for its weight, plus the diagonal. Padding takes less than one byte per entry.
+    // Each entry has two bytes for its column and four for its weight, and the diagonal is additional. Padding adds less than a byte per
+    // entry.
     let least = 6 * matrix.nonzeros() + 4 * PIXELS;
     assert!((least..least + matrix.nonzeros()).contains(&matrix.bytes()), "{} of {least}", matrix.bytes());
-    // The difference comes from lists of bands, and from arrays that end within a word.
+    // Lists of bands, and arrays that end within a word, make a small difference.
     let off = bytes.left.abs_diff(matrix.bytes());
     assert!(off < 4000, "{} are stated: {bytes:?}", matrix.bytes());
 }
@@ -214,21 +215,22 @@ fn a_matrix_is_read_in_pieces() {
             pieces.len() >= 4 && pieces.iter().map(|(columns, _)| columns).sum::<usize>() == PIXELS * EACH
         );
         let longest = pieces.iter().map(|(columns, _)| *columns).max().unwrap_or(0);
-        // Each thread has the columns and then the weights of a band, of four bytes, the offsets of its rows, and their places in a tile.
+        // Each thread has a band's columns and then its weights, of four bytes each, the offsets of its rows, and their positions in a
+        // tile.
         let of_rows = 8 * 2 * PIXELS + threads * PIXELS.div_ceil(pieces.len()) * 48;
         let bound = bytes.given + threads * 2 * 4 * longest + of_rows + SMALL;
         assert!(bytes.most <= bound, "{threads} threads: {bytes:?} above {bound}");
     }
 }
 
-/// A product needs the sums of the bands that are being computed. A block also needs four interleaved vectors.
+/// A product needs memory for the sums of the bands in progress. A block also needs memory for four interleaved vectors.
 #[test]
 fn products_take_the_memory_of_some_bands() {
     let make = || {
         let layers = vec![Layer::new(Bounces::Global, PIXELS, pieces(PIXELS, PIXELS))];
         let matrix = TransportMatrix::new(rig(false), Channels::Luma, vec![Vec::new()], layers);
         let (x, mut ys) = (vec![1.0; PIXELS], vec![vec![0.0; PIXELS]; 3]);
-        // The first products of a process measure which kernels are the fastest.
+        // The first products of a process time the kernels, so they are not counted.
         matrix.apply(Part::Full, 0, &x, &mut ys[0]);
         let mut to: Vec<&mut [f64]> = ys.iter_mut().map(Vec::as_mut_slice).collect();
         matrix.apply_block(Part::Full, 0, &[x.as_slice(); 3], &mut to);
@@ -247,7 +249,7 @@ fn products_take_the_memory_of_some_bands() {
     assert!(block.most <= block.given + 32 * (2 * PIXELS + rows + 1) + SMALL / 10, "{block:?}");
 }
 
-/// The merged rows are in memory as the transposed contributions, as the rows of the tasks, and as one piece.
+/// While rows are merged, they are in memory as transposed contributions, as the rows that the tasks made, and as one piece.
 #[test]
 fn merging_takes_the_contributions_and_twice_their_rows() {
     let make = || Sources::new(chunks(false, EACH), rig(false), &(0..PIXELS), false);
@@ -256,13 +258,13 @@ fn merging_takes_the_contributions_and_twice_their_rows() {
         pieces.iter().flatten().map(|piece| piece.columns.len()).sum::<usize>()
     });
     assert_eq!(entries, PIXELS * EACH);
-    // Each of eight tasks has the offset of each row, and its next place.
+    // Each of eight tasks has the offset of each row, and the next free position of each row.
     let of_rows = 8 * 2 * 8 * PIXELS;
     let bound = bytes.given + (TERM + 2 * ENTRY) * entries + of_rows + SMALL;
     assert!(bytes.most <= bound, "{bytes:?} above {bound}");
 }
 
-/// On four threads the sums of all tasks take at most a quarter of the memory of the contributions, or a single task has all sums.
+/// On four threads, the sums of all tasks take at most a quarter of the memory of the contributions, or a single task computes all sums.
 #[test]
 fn sums_over_rows_take_a_quarter_of_the_contributions() {
     for (each, tasks) in [(3, 1), (24, 2), (72, 4)] {
@@ -282,10 +284,10 @@ fn sums_over_rows_take_a_quarter_of_the_contributions() {
             (Found::of_chunks(chunks(true, each)).about.of_class, terms.iter().sum::<u32>()),
             ([0, PIXELS * each, 0], (2 * PIXELS * each) as u32)
         );
-        // Each row has two sums of sixteen bytes.
+        // Each row has two sums of sixteen bytes each.
         let of_task = 32 * PIXELS;
         assert!(tasks == 1 || tasks * of_task <= bytes.given / 4);
-        // The list of the rows with contributions has 32 bytes for each, and room for up to twice as many.
+        // The list of rows with contributions has 32 bytes for each row. Its allocated memory may be twice as large.
         let of_lists = 2 * 32 * PIXELS;
         let made = size_of::<FixedSums<1>>() * PIXELS;
         let bound = bytes.given + tasks * of_task + of_lists + made;
@@ -293,7 +295,7 @@ fn sums_over_rows_take_a_quarter_of_the_contributions() {
     }
 }
 
-/// Long arrays are on separate pages, which return to the system with them. Short arrays end within a word.
+/// Long arrays are on separate pages, which the system gets back when they are freed. Short arrays end within a word.
 #[test]
 fn long_arrays_are_on_pages_of_their_own() {
     for (length, own) in [(1, 8), (1001, 4008), ((1 << 20) - 1, 1 << 22), (1 << 20, 0), ((1 << 20) + 1, 0)] {
@@ -302,7 +304,7 @@ fn long_arrays_are_on_pages_of_their_own() {
     }
 }
 
-/// Contributions in small chunks are joined to long ones on separate pages. The rest is less than four megabytes.
+/// Contributions in small chunks are joined into long chunks on separate pages. The remaining small chunks take less than four megabytes.
 #[test]
 fn many_small_chunks_are_joined_while_they_come() {
     let rows = || chunks(true, EACH).into_iter().chain(chunks(true, EACH)).chain(chunks(true, EACH));

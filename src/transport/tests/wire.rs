@@ -1,4 +1,4 @@
-//! Contributions as bytes: written bytes can be read again, and incomplete bytes are refused.
+//! Tests of contributions as bytes. Written bytes can be read again, and incomplete bytes are rejected.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use crate::transport::wire::{
     take_chunk, take_estimates, take_fragments, take_rows,
 };
 
-/// Three camera pixels and two projector pixels, each with contributions at the pixels 2, 5 and 8, of different classes.
+/// Contributions from three camera pixels and two projector pixels, to the pixels 2, 5 and 8 each, in different classes.
 fn chunk() -> Chunk<3> {
     let row = |at: usize| Row { pixel: [4, 6, 9, 1, 3][at], from_camera: at < 3, end: 3 * (at + 1) };
     let term = |at: usize| Term {
@@ -45,7 +45,7 @@ fn contributions_are_read_as_they_were_written() {
     }
 }
 
-/// Bytes that are cut off anywhere are refused, and so are extra bytes.
+/// Checks that truncated bytes are rejected, and that extra bytes are rejected.
 fn check_ends<T>(bytes: &[u8], take: impl Fn(&mut Reader<&[u8]>) -> Result<T, Garbled>) {
     for end in 0..bytes.len() {
         assert!(take(&mut Reader::new(&bytes[..end])).is_err(), "{end} of {} bytes", bytes.len());
@@ -66,7 +66,7 @@ fn what_ends_early_or_late_is_refused() {
     let fragment = fragment();
     check_ends(&message(|to| put_fragments(to, &[fragment])), |from| take_fragments(from, 2, 3));
     check_ends(&message(|to| put(to, &[1.5_f64, 2.5])), |from| from.take::<f64>());
-    // No memory has this length.
+    // No memory can hold an array of this length.
     for length in [u64::MAX, u64::MAX / 8 + 1, 1 << 40] {
         assert!(Reader::new(&length.to_le_bytes()).take::<u64>().is_err());
     }
@@ -169,7 +169,7 @@ fn estimates_and_rows_are_read_as_they_were_written() {
     }
 }
 
-/// The transpose of some columns has, row by row, what other processes need from the rows of this one.
+/// The transpose of some columns: a row becomes the column with the row's number, counted from the number of this process's first row.
 #[test]
 fn the_transpose_of_some_columns_counts_from_the_first_row() {
     let transposed = rows().transposed(&(4..10), 100);

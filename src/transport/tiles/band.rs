@@ -1,4 +1,4 @@
-//! A row of tiles, and the transpose of its entries, which is the part of a symmetric matrix below its diagonal.
+//! A band, which is a row of tiles, and the transpose of its entries. In a symmetric matrix, the transpose is the part below the diagonal.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ pub(super) struct Start {
     pub(super) step: usize,
 }
 
-/// The arrays of one tile that receive a window's entries.
+/// The arrays of a tile into which a window writes its entries.
 pub(super) struct Filled<'a> {
     pub(super) slices: &'a mut [Slice],
     pub(super) columns: &'a mut [[u16; LANES]],
@@ -26,10 +26,10 @@ pub(super) struct Filled<'a> {
 pub(super) struct Band {
     /// The number of rows. The last band of a matrix may have fewer than the others.
     pub(super) rows: usize,
-    /// The start of each tile, from left to right, and the end of the last.
+    /// The start of each tile, from left to right, and the end of the last tile.
     pub(super) tiles: Vec<Start>,
     pub(super) slices: Vec<Slice>,
-    /// Columns within the tile, ascending in each row. A repeated column is padding of the slice and has weight 0.
+    /// Columns relative to the tile, ascending in each row. A repeated column is padding of the slice, and has weight 0.
     pub(super) columns: Pages<[u16; LANES]>,
     /// `[channel][step][lane]`
     pub(super) weights: Vec<Pages<[f32; LANES]>>,
@@ -37,7 +37,7 @@ pub(super) struct Band {
 
 impl Band {
     pub(super) fn new(rows: usize, windows: &[Window], channels: usize, shape: Shape, cols: usize) -> Self {
-        // Within a tile, the windows follow one another.
+        // The windows of a tile follow one another.
         let across = cols.div_ceil(shape.columns);
         let mut tiles = vec![Start::default()];
         let mut end = Start::default();
@@ -76,7 +76,7 @@ impl Band {
             + weights
     }
 
-    /// The places of the rows of a tile; `None` for an empty tile.
+    /// The location of each row's entries in a tile; `None` for an empty tile.
     pub(super) fn places(&self, tile: usize) -> Option<Vec<Place>> {
         let [start, end] = [self.tiles[tile], self.tiles[tile + 1]];
         let mut step = start.step;
@@ -87,13 +87,13 @@ impl Band {
             }
             step += slice.steps as usize;
         }
-        // The last place belongs to lanes without a row.
+        // The last location is that of lanes without a row.
         places.truncate(self.rows);
         (end.slice > start.slice).then_some(places)
     }
 }
 
-/// The place of the entries of a row within a tile: one lane of some steps.
+/// The location of the entries of a row within a tile: one lane of consecutive steps.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Place {
     step: usize,
@@ -103,7 +103,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// Calls `visit` with column and step of each of the row's entries in the tile's columns `from..to`. `columns` is the band's array.
+    /// Calls `visit` with column and step of each entry of the row in the tile's columns `from..to`. `columns` is the array of the band.
     pub(super) fn each(
         self,
         columns: &[[u16; LANES]],
@@ -118,7 +118,7 @@ impl Place {
         let mut before = None;
         for (at, step) in of_row.iter().enumerate().skip(first) {
             let column = column(step);
-            // A repeated column is padding, and so is everything after it.
+            // A repeated column is padding, and all later columns are padding too.
             if usize::from(column) >= to || before >= Some(column) {
                 break;
             }
@@ -128,12 +128,12 @@ impl Place {
     }
 }
 
-/// Some entries of consecutive rows with nearby columns.
+/// Entries of consecutive rows. Their columns are close together, so that 16 bits are enough.
 pub(in crate::transport) struct Fragment {
     pub(in crate::transport) first: usize,
-    /// The column from which `columns` count.
+    /// The number that is added to each of `columns`.
     pub(in crate::transport) base: u32,
-    /// The offset into `columns` for each row, and the number of entries at the end.
+    /// For each row, the offset into `columns`; and the number of entries at the end.
     pub(in crate::transport) row_start: Vec<u32>,
     pub(in crate::transport) columns: Vec<u16>,
     /// `[channel][entry]`
@@ -149,7 +149,7 @@ impl Fragment {
         self.first < rows.end && rows.start < self.first + self.rows()
     }
 
-    /// Appends the fragment's entries of a row to the last row of `to`.
+    /// Appends the fragment's entries of this row to the last row of `to`.
     pub(super) fn append(&self, row: usize, to: &mut CompressedRows) {
         let entries = self.row(row);
         to.columns.extend(self.columns[entries.clone()].iter().map(|&column| self.base + u32::from(column)));
@@ -162,13 +162,13 @@ impl Fragment {
         self.row(row).len()
     }
 
-    /// The entries of a row; none if the fragment does not have the row.
+    /// The entries of a row, as a range. It is empty if the fragment does not have the row.
     fn row(&self, row: usize) -> Range<usize> {
         let row = row.checked_sub(self.first).filter(|&row| row < self.rows());
         row.map_or(0..0, |row| self.row_start[row] as usize..self.row_start[row + 1] as usize)
     }
 
-    /// The fragment of these `rows` with the transpose of `of`. The rows of `of` are counted from its first one, which has number `base`.
+    /// The transpose of `of`, as a fragment with these `rows`. `base` is the number of the first row of `of`.
     fn transposed(of: &impl Above, rows: Range<usize>, base: usize, channels: usize) -> Self {
         let mut row_start = vec![0; rows.len() + 1];
         of.each(|_, column, _| row_start[column - rows.start + 1] += 1);
@@ -187,8 +187,8 @@ impl Fragment {
     }
 }
 
-/// The entries below the diagonal in `rows`, as fragments by ascending columns. `bands` has the earlier rows, and `above` has the entries
-/// of these rows on and above the diagonal.
+/// The entries below the diagonal in `rows`, as fragments by ascending columns. `bands` has the earlier rows. `above` has the entries of
+/// `rows` on and above the diagonal.
 pub(super) fn below(
     bands: &[Band],
     above: &Pieces,
@@ -205,7 +205,7 @@ pub(super) fn below(
     fragments
 }
 
-/// The transpose of these columns of `bands`, as fragments by ascending columns. The first row of the bands has number `first_row` there.
+/// The transpose of these columns of `bands`, as fragments by ascending columns. The first row of `bands` becomes the column `first_row`.
 pub(super) fn of_bands(
     bands: &[Band],
     columns: &Range<usize>,
@@ -229,10 +229,10 @@ pub(super) fn of_bands(
 }
 
 trait Above: Sync {
-    /// The place of an entry's weights.
+    /// The location of an entry's weights.
     type At: Copy;
 
-    /// Calls `visit` with row, column and place of each entry, row by row. Rows are counted from the first one.
+    /// Calls `visit` with row, column and location of each entry, row by row. Row numbers start at 0 for the first row.
     fn each(&self, visit: impl FnMut(usize, usize, Self::At));
 
     fn weight(&self, channel: usize, at: Self::At) -> f32;
@@ -273,7 +273,7 @@ struct OfRows<'a> {
 }
 
 impl<'a> Above for OfRows<'a> {
-    /// The piece, and the index there.
+    /// The piece, and the index of the entry in the piece.
     type At = (&'a CompressedRows, usize);
 
     fn each(&self, mut visit: impl FnMut(usize, usize, Self::At)) {

@@ -1,4 +1,4 @@
-//! From rows to tiles. The rows of a band are cut at the columns of the tiles, window by window.
+//! Builds tiles from rows. The rows of a band are divided into windows, and each window is divided at the columns of the tiles.
 
 use std::borrow::Borrow;
 use std::cmp::Reverse;
@@ -11,21 +11,21 @@ use super::kernels::{LANES, Slice};
 use super::rows::{CompressedRows, Pieces};
 use super::{Shape, Tiles};
 
-/// The minimum number of groups of rows that become tiles one after the other. There are fewer if a group would have too few windows for
-/// all cores. While a group becomes tiles, it is in memory twice more.
+/// The minimum number of groups of rows that become tiles one after the other. There are fewer groups if each would have too few windows
+/// for all cores. While a group becomes tiles, its entries are in memory two more times.
 const GROUPS: usize = 16;
 
 pub(in crate::transport) struct Builder {
     tiles: Tiles,
-    /// Whether the given rows have only the part on and above the diagonal.
+    /// Whether the pushed rows contain only the entries on and above the diagonal.
     symmetric: bool,
-    /// The number of rows of a group, which has whole bands.
+    /// The number of rows of a group. A group consists of whole bands.
     group: usize,
     next: usize,
 }
 
 impl Builder {
-    /// The rows of a symmetric matrix are given from the diagonal on. `entries` is an estimate.
+    /// An empty builder. A symmetric matrix is built from its rows from the diagonal on. `entries` is an estimate of the number of entries.
     pub(in crate::transport) fn new(
         [rows, cols]: [usize; 2],
         channels: usize,
@@ -41,12 +41,12 @@ impl Builder {
         Self { tiles, symmetric, group: group_of(rows, shape), next: 0 }
     }
 
-    /// The rows to give next; `None` once all rows are in tiles.
+    /// The rows to push next; `None` once all rows are in tiles.
     pub(in crate::transport) fn next_rows(&self) -> Option<Range<usize>> {
         (self.next < self.tiles.rows).then(|| self.next..self.tiles.rows.min(self.next + self.group))
     }
 
-    /// Adds the rows of [`Builder::next_rows`], which the pieces must have.
+    /// Adds the rows of [`Builder::next_rows`]. The pieces must contain these rows.
     pub(in crate::transport) fn push(&mut self, pieces: impl Borrow<Pieces>) {
         let Some(rows) = self.next_rows() else { return };
         let Tiles { shape, channels, cols, .. } = self.tiles;
@@ -58,8 +58,9 @@ impl Builder {
         self.push_joined(pieces, vec![Before { fragments, columns_before: cols }]);
     }
 
-    /// Works like [`Builder::push`] for pieces that lack some entries. Fragments have the others, and the two alternate in each row. Both
-    /// are dropped before the tiles take memory, if the caller passes ownership.
+    /// Works like [`Builder::push`] for pieces that lack some entries. The fragments in `parts` have these entries. In each row, entries of
+    /// fragments and of pieces alternate. If the caller passes ownership, pieces and fragments are freed before memory for the tiles is
+    /// allocated.
     pub(in crate::transport) fn push_joined(&mut self, pieces: impl Borrow<Pieces>, parts: Vec<Before>) {
         let Some(rows) = self.next_rows() else { return };
         let Tiles { shape, channels, cols, .. } = self.tiles;
@@ -77,7 +78,7 @@ impl Builder {
                 windows.par_iter().map(window).collect()
             })
             .collect();
-        // The entries are in the windows now.
+        // The windows contain the entries now.
         drop((pieces, parts));
         self.tiles.entries += windows.iter().flatten().map(Window::entries).sum::<usize>();
         let band = |(rows, windows): (Range<usize>, Vec<Window>)| {
@@ -87,7 +88,7 @@ impl Builder {
         self.next = rows.end;
     }
 
-    /// The transpose of these columns of all rows so far, as fragments by ascending columns. The first row has number `first_row` there.
+    /// The transpose of these columns of all rows so far, as fragments by ascending columns. The first row becomes the column `first_row`.
     pub(in crate::transport) fn transposed(&self, columns: &Range<usize>, first_row: usize) -> Vec<Fragment> {
         let Tiles { shape, channels, .. } = self.tiles;
         of_bands(&self.tiles.bands, columns, first_row, (shape, channels))
@@ -109,20 +110,20 @@ fn group_of(rows: usize, shape: Shape) -> usize {
 }
 
 pub(in crate::transport) fn groups(rows: usize) -> Vec<Range<usize>> {
-    // The number of rows of a band depends only on these arguments.
+    // The number of rows of a band depends only on the number of rows and of threads, so the other arguments do not matter.
     let shape = Shape::new(rows, 1, 1, rayon::current_num_threads());
     let group = group_of(rows, shape);
     (0..rows).step_by(group).map(|first| first..rows.min(first + group)).collect()
 }
 
-/// One process's part of some rows: the entries that are copied from its finished rows. In each row they come first, followed by the
-/// entries of the pieces in the columns of this process.
+/// The entries of some rows in the columns of one process. In each row, the entries that are copied from the finished rows of that process
+/// come first. The entries of the pieces in the columns of that process follow.
 pub(in crate::transport) struct Before {
     pub(in crate::transport) fragments: Vec<Fragment>,
     pub(in crate::transport) columns_before: usize,
 }
 
-/// These rows: for each part, its fragments and then the entries of the pieces.
+/// These rows, joined. For each part, a row has the entries of the part's fragments and then entries of the pieces.
 fn whole_rows(parts: &[Before], pieces: &Pieces, rows: Range<usize>, channels: usize) -> CompressedRows {
     let parts: Vec<(Vec<&Fragment>, usize)> = parts
         .iter()
@@ -157,12 +158,12 @@ pub(in crate::transport) fn take<'a, T>(rest: &mut &'a mut [T], count: usize) ->
     mine
 }
 
-/// The number of rows of a window. Within it, rows are sorted by length, so that the rows of a slice have about equal numbers of entries.
-/// The sums of a window are close enough in memory to share cache lines.
+/// The number of rows of a window. Within a window, rows are sorted by length, so that the rows of a slice have about equal numbers of
+/// entries. The sums of a window's rows are close enough in memory to share cache lines.
 pub(super) const WINDOW: usize = 512;
 
 pub(super) struct Window {
-    /// The first row, counted from the start of the band.
+    /// The index of the first row within the band.
     first: usize,
     rows: CompressedRows,
     pub(super) sizes: Vec<Start>,
@@ -176,7 +177,7 @@ struct Segment {
 }
 
 impl Window {
-    /// The window of these rows. The first one is row `first` of the band.
+    /// The window of these rows. Its first row is row `first` of the band.
     pub(super) fn new(first: usize, rows: CompressedRows, shape: Shape, cols: usize) -> Self {
         let mut window = Self { first, rows, sizes: Vec::with_capacity(cols.div_ceil(shape.columns)) };
         let mut sizes = std::mem::take(&mut window.sizes);
@@ -192,7 +193,7 @@ impl Window {
         self.rows.columns.len()
     }
 
-    /// Writes the entries to the arrays of each tile. Lanes without a row get the row `nowhere`.
+    /// Writes the entries to the arrays of each tile. Lanes without a row get the row number `nowhere`.
     pub(super) fn fill(&self, shape: Shape, cols: usize, nowhere: u16, to: Vec<Filled<'_>>) {
         let mut to = to.into_iter();
         self.each_tile(shape, cols, |first_column, segments| {
@@ -211,7 +212,7 @@ impl Window {
             take(&mut to.slices, 1)[0] = Slice { rows, steps: longest as u32 };
             for (lane, segment) in segments.iter().enumerate() {
                 let entries = segment.first..segment.first + segment.length;
-                // Columns within a tile fit 16 bits.
+                // A column within a tile fits into 16 bits.
                 let place = |column: &u32| (*column as usize - first_column) as u16;
                 let mut last = 0;
                 for (columns, place) in columns.iter_mut().zip(self.rows.columns[entries].iter().map(place)) {
@@ -230,7 +231,7 @@ impl Window {
         }
     }
 
-    /// Calls `visit` with each tile's first column and its non-empty rows, the longest row first.
+    /// Calls `visit` with the first column of each tile and its non-empty rows, the longest row first.
     fn each_tile(&self, shape: Shape, cols: usize, mut visit: impl FnMut(usize, &[Segment])) {
         let mut next: Vec<usize> = self.rows.row_start[..self.rows.rows()].to_vec();
         let mut segments = Vec::new();
@@ -256,7 +257,7 @@ impl Window {
 mod tests {
     use super::*;
 
-    /// Groups are whole bands with a sixteenth of the rows each, or more if some threads would have no window of a group.
+    /// Groups consist of whole bands. Each has a sixteenth of the rows, or more if some thread would otherwise have no window of the group.
     #[test]
     fn groups_are_whole_bands_with_work_for_every_thread() {
         for threads in [1, 2, 3, 8] {
@@ -277,7 +278,7 @@ mod tests {
                     groups.len() == 1 || longest >= 512 * threads,
                     "{rows} rows, {threads} threads: {longest}"
                 );
-                // The largest group has a sixteenth of the rows, or a window for each thread, up to the end of a band.
+                // The largest group has a sixteenth of the rows, or one window for each thread, rounded up to whole bands.
                 let most = rows.div_ceil(16).max(512 * threads + shape.rows - 1);
                 assert!(longest <= most, "{rows} rows, {threads} threads: {longest} of {most}");
             }

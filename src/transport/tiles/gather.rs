@@ -1,5 +1,6 @@
-//! The inner loop of a product by vector instructions (AVX2), which multiply and add several lanes at once. Entries of one vector are
-//! looked up four at a time, or one by one. Entries of four interleaved vectors are looked up together. All kernels prefetch.
+//! The inner loop of a product with vector instructions (AVX2), which multiply and add several lanes at once. For a single vector, its
+//! entries are looked up four at a time, or one by one. For four interleaved vectors, the four entries are looked up together. All kernels
+//! prefetch.
 
 #![allow(
     unsafe_code,
@@ -10,10 +11,10 @@ use std::arch::x86_64::*;
 
 use super::kernels::{Interleaved, Kernel, LANES, Slice};
 
-/// The number of steps between an entry's prefetch and its use, to cover memory latency: hardware prefetchers do not cross pages.
+/// The number of steps between prefetch and use of an entry. It covers memory latency: hardware prefetchers do not cross pages.
 const AHEAD: usize = 80;
 
-/// The kernels for one vector; none if the processor lacks the instructions.
+/// The kernels for a single vector. The list is empty if the processor lacks the instructions.
 pub(super) fn of_one() -> Vec<Kernel<f64>> {
     if !is_x86_feature_detected!("avx2") {
         return Vec::new();
@@ -29,7 +30,7 @@ pub(super) fn of_one() -> Vec<Kernel<f64>> {
     vec![by_four, one_by_one]
 }
 
-/// The kernel for four interleaved vectors, whose four numbers fill one register; none if the processor lacks the instructions.
+/// The kernel for four interleaved vectors, whose four numbers fill one register. Without the instructions, the list is empty.
 pub(super) fn of_four() -> Vec<Kernel<Interleaved>> {
     if !is_x86_feature_detected!("avx2") {
         return Vec::new();
@@ -40,7 +41,7 @@ pub(super) fn of_four() -> Vec<Kernel<Interleaved>> {
     }]
 }
 
-/// Sums of one vector. It panics at an invalid step or row. An invalid column (no tile has one) reads the last entry of `from`.
+/// Sums for a single vector. It panics at an invalid step or row. An invalid column (no tile has one) reads the last entry of `from`.
 #[target_feature(enable = "avx2")]
 fn by_four(
     slices: &[Slice],
@@ -113,7 +114,7 @@ fn one_by_one(
     }
 }
 
-/// Sums of four interleaved vectors. It panics if a step, a row or a column does not exist.
+/// Sums for four interleaved vectors. It panics if a step, a row or a column does not exist.
 #[target_feature(enable = "avx2")]
 fn of_interleaved(
     slices: &[Slice],

@@ -1,27 +1,27 @@
-//! The inner loop of a product: its elements, and the choice of the fastest instructions of this processor.
+//! The inner loop of a product: the types of its elements, and the choice of the fastest kernel for this processor.
 
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use bytemuck::{Pod, Zeroable};
 
-/// The number of rows of a slice. Their sums are computed at the same time, one per SIMD lane.
+/// The number of rows of a slice. Their sums are computed at the same time, one in each SIMD lane.
 pub(super) const LANES: usize = 8;
 
 /// Eight rows of a tile with about equal numbers of entries.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::transport) struct Slice {
-    /// The row within the tile for each lane. A lane without a row has the number after the last row.
+    /// For each lane, the number of its row within the tile. A lane without a row has the number after the last row.
     pub(super) rows: [u16; LANES],
     /// The number of steps, which is the number of entries of the longest row.
     pub(super) steps: u32,
 }
 
-/// Adds a tile's products to the sums of its rows, `to[row] += Σ weight · from[column]`, with the entries of each row in order. The steps
-/// of a slice are taken one after the other. Every row must be below `to.len()`, and every column below `from.len()`.
+/// Adds the products of a tile to the sums of its rows: `to[row] += Σ weight · from[column]`. The entries of each row are added in order,
+/// and the steps of a slice are processed one after the other. Every row must be below `to.len()`, and every column below `from.len()`.
 pub(in crate::transport) type Kernel<V> = fn(&[Slice], &[[u16; LANES]], &[[f32; LANES]], &[V], &mut [V]);
 
-/// The number of vectors that are multiplied at once. Their four numbers fill one vector register.
+/// The number of vectors that are multiplied at once. One entry of each vector together fill one vector register.
 pub(in crate::transport) const BLOCK_WIDTH: usize = 4;
 
 /// The entries of four vectors at one row or column, in one cache line.
@@ -29,7 +29,7 @@ pub(in crate::transport) const BLOCK_WIDTH: usize = 4;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(in crate::transport) struct Interleaved(pub(in crate::transport) [f64; BLOCK_WIDTH]);
 
-/// An element that a product multiplies by weights and sums.
+/// An element of a vector, which a product multiplies by weights and sums.
 pub(in crate::transport) trait Value: Pod + Default + Send + Sync + 'static {
     fn times(self, weight: f64) -> Self;
 
@@ -58,10 +58,10 @@ impl Value for Interleaved {
 
 /// Elements that have kernels.
 pub(in crate::transport) trait Summable: Value {
-    /// The kernels with instructions that not every processor has; none if the processor lacks them. They prefetch the next entries.
+    /// The kernels with instructions that not every processor has. Without the instructions, the list is empty. These kernels prefetch.
     fn special() -> Vec<Kernel<Self>>;
 
-    /// The fastest kernel, measured once per process.
+    /// The fastest kernel. It is measured once per process.
     fn sums() -> Sums<Self>;
 }
 
@@ -97,9 +97,10 @@ impl Summable for Interleaved {
 pub(in crate::transport) struct Sums<V>(Kernel<V>);
 
 impl<V: Summable> Sums<V> {
-    /// The kernel that takes the least time now, which depends on the processor's maker and generation. The timed entries lie in the
-    /// first-level cache, but a matrix's entries come from memory. With entries from memory, the portable kernel, which does not prefetch,
-    /// was the slowest on the only processor where this was measured (AMD Zen 4). It is therefore taken only if there is no other kernel.
+    /// The kernel that is fastest now, which depends on the maker and generation of the processor. The portable kernel is taken only if
+    /// there is no other one, because it does not prefetch. The timing reads entries from the first-level cache, but the entries of a
+    /// matrix come from memory. With entries from memory, the portable kernel was the slowest on the only processor where this was measured
+    /// (AMD Zen 4).
     fn fastest() -> Self {
         let timed = V::special().into_iter().map(|kernel| (Self(kernel).time(), Self(kernel)));
         timed.min_by_key(|(time, _)| *time).map_or(Self(portable), |(_, sums)| sums)

@@ -1,12 +1,12 @@
-//! A sparse matrix cut into tiles, so that the vectors of a product stay in the processor's caches and the entries are read at the speed of
-//! memory.
+//! A sparse matrix that is divided into tiles. The vectors of a product therefore stay in the processor's caches, and entries are read at
+//! the speed of memory.
 //!
-//! Within a tile, eight rows of about equal numbers of entries form a *slice* (the format is known as sliced ELLPACK). The eight sums are
-//! computed together, each with the entries of one row from left to right. The bits of a product therefore do not depend on the shape of
-//! the tiles, the number of threads and the instructions used.
+//! Within a tile, eight rows of about equal numbers of entries form a *slice* (the format is known as sliced ELLPACK). The sums of the
+//! eight rows are computed together, and each sum adds the entries of its row from left to right. The bits of a product therefore do not
+//! depend on the shape of the tiles, the number of threads or the instructions.
 //!
-//! Rows come in groups, from the first to the last ([`Builder`]). For a symmetric matrix, only the triangle on and above the diagonal is
-//! given. The part below the diagonal is read from the tiles of earlier groups.
+//! Rows are added in groups, from the first to the last ([`Builder`]). A symmetric matrix is built from its triangle on and above the
+//! diagonal. The entries below the diagonal are read from the tiles of earlier groups.
 
 mod band;
 mod build;
@@ -37,7 +37,7 @@ pub(crate) enum Entries {
     Upper,
 }
 
-/// A sparse matrix in tiles, with one set of `f32` weights per channel on a common sparsity pattern.
+/// A sparse matrix in tiles. An entry has one `f32` weight for each channel.
 #[derive(Clone, Debug)]
 pub(crate) struct Tiles {
     rows: usize,
@@ -45,17 +45,17 @@ pub(crate) struct Tiles {
     channels: usize,
     entries: usize,
     shape: Shape,
-    /// The rows of tiles, from the first to the last.
+    /// The rows of tiles, from top to bottom.
     bands: Vec<Band>,
 }
 
 impl Tiles {
-    /// The matrix of `cols` columns with the rows of `pieces`, one after the other. Each piece is freed as soon as its rows are in tiles.
+    /// The matrix of `cols` columns whose rows are the concatenated rows of `pieces`. Each piece is freed as soon as its rows are in tiles.
     pub(super) fn new(cols: usize, pieces: Vec<CompressedRows>) -> Self {
         Self::of_pieces(cols, pieces, false)
     }
 
-    /// The symmetric matrix from the rows of its triangle on and above the diagonal.
+    /// The symmetric matrix whose triangle, on and above the diagonal, has these rows.
     pub(super) fn symmetric(pieces: Vec<CompressedRows>) -> Self {
         let rows = pieces.iter().map(CompressedRows::rows).sum();
         Self::of_pieces(rows, pieces, true)
@@ -94,7 +94,7 @@ impl Tiles {
         let band = &self.bands[band];
         let (slices, columns, weights) = (&band.slices[..], &band.columns[..], &band.weights[channel][..]);
         let sums = V::sums();
-        // The additional entry is for lanes without a row.
+        // The additional sum receives the products of lanes without a row.
         let mut product = vec![V::default(); band.rows + 1];
         for (ends, from) in band.tiles.windows(2).zip(from.chunks(self.shape.columns)) {
             let [start, end] = [ends[0], ends[1]];
@@ -110,8 +110,9 @@ impl Tiles {
         product
     }
 
-    /// `sum` with the squares of all entries added. Each row is summed from left to right, and then the rows are added to `sum` one by one.
-    /// Neither the shape, nor the number of threads, nor a cut between rows changes the bits.
+    /// Returns `sum` plus the squares of all entries. The squares of each row are summed from left to right, and then the sums of rows are
+    /// added to `sum` one by one. The bits do not depend on the shape, on the number of threads, or on a division of the matrix between
+    /// rows.
     pub(super) fn squares(&self, channel: usize, sum: f64) -> f64 {
         let of_band = |band: &Band| {
             let mut sums = vec![0.0_f64; band.rows + 1];
@@ -151,7 +152,7 @@ impl Tiles {
         CompressedRows { row_start, columns, weights }
     }
 
-    /// The offset of each row, and the number of entries at the end.
+    /// For each row, the offset of its entries; and the number of entries at the end.
     pub(crate) fn row_start(&self, which: Entries) -> Vec<usize> {
         let counts = |band: usize| {
             let mut counts = vec![0; self.bands[band].rows];
@@ -167,7 +168,7 @@ impl Tiles {
         std::iter::once(0).chain(ends).collect()
     }
 
-    /// The columns of the entries, row by row, as several pieces. `row_start` must be that of the same entries.
+    /// The columns of the entries, row by row, as several pieces. `row_start` must have the offsets of the same entries.
     pub(crate) fn columns<'a>(
         &'a self,
         which: Entries,
@@ -188,8 +189,8 @@ impl Tiles {
         })
     }
 
-    /// Calls `value` with band, column, step and lane of each entry. Returns the results row by row, one piece per band. The number of
-    /// pieces that are made at the same time is the number of threads.
+    /// Calls `value` with band, column, step and lane of each entry. Returns the results row by row, one piece per band. At any time, at
+    /// most one piece per thread is computed.
     fn pieces<'a, T: Default + Clone + Send + 'a>(
         &'a self,
         which: Entries,
@@ -201,7 +202,7 @@ impl Tiles {
             let first = row_start[rows.start];
             let mut next: Vec<usize> = row_start[rows.clone()].iter().map(|start| start - first).collect();
             let mut values = vec![T::default(); row_start[rows.end] - first];
-            // The tiles of a row come from left to right, and so do the entries within each.
+            // The tiles of a row are visited from left to right, and so are the entries within each tile.
             self.each(band, which, |row, column, step, lane| {
                 values[next[row]] = value(band, column, step, lane);
                 next[row] += 1;
@@ -219,7 +220,7 @@ impl Tiles {
         band * self.shape.rows..self.rows.min((band + 1) * self.shape.rows)
     }
 
-    /// Calls `visit` with row within the band, column, step and lane of each entry of a band, tile by tile.
+    /// Calls `visit` for each entry of a band, tile by tile, with its row within the band, column, step and lane.
     fn each(&self, number: usize, which: Entries, mut visit: impl FnMut(usize, usize, usize, usize)) {
         let (band, rows) = (&self.bands[number], self.rows_of(number));
         let columns = &band.columns[..];
@@ -239,7 +240,7 @@ impl Tiles {
     }
 }
 
-/// Two matrices are equal if their entries are equal. The shape of the tiles does not count.
+/// Two matrices are equal if their entries are equal. The shapes of their tiles are not compared.
 impl PartialEq for Tiles {
     fn eq(&self, other: &Self) -> bool {
         (self.rows, self.cols, self.entries) == (other.rows, other.cols, other.entries)
@@ -253,29 +254,29 @@ struct Shape {
     columns: usize,
 }
 
-/// The most rows of a band: row numbers (and one past the last) fit 16 bits, and the sums fit the second-level cache.
+/// The maximum number of rows of a band. Row numbers (and one past the last) fit into 16 bits, and sums fit into the second-level cache.
 const MOST_ROWS: usize = 1 << 14;
-/// The fewest rows of a band. With fewer, the work between tiles would dominate.
+/// The minimum number of rows of a band. With fewer rows, the work between tiles would dominate.
 const LEAST_ROWS: usize = 1 << 8;
-/// The fewest bands per thread, if that leaves enough rows. Several bands let all threads finish at about the same time.
+/// The minimum number of bands per thread, if there are enough rows. With several bands, all threads finish at about the same time.
 const BANDS_A_THREAD: usize = 4;
 
-/// The fewest bands of a large matrix, so that it can be made group by group, and the minimum rows that a band then has.
+/// The minimum number of bands of a large matrix, so that it can be built group by group, and the minimum number of rows of each such band.
 const BANDS: usize = 16;
 const ROWS_OF_MANY_BANDS: usize = 1 << 12;
 
-/// The fewest columns of a tile: 32 KiB of a vector, which the first-level cache holds.
+/// The minimum number of columns of a tile: 32 KiB of a vector, which fit into the first-level cache.
 const LEAST_COLUMNS: usize = 1 << 12;
-/// The most columns of a tile: 256 KiB of a vector, for the second-level cache.
+/// The maximum number of columns of a tile: 256 KiB of a vector, which fit into the second-level cache.
 const MOST_COLUMNS: usize = 1 << 15;
-/// The number of entries that a row should have in a tile, so that the fixed cost of its sum is small.
+/// The number of entries that a row should have in a tile. With fewer entries, the fixed cost of a row's sum would dominate.
 const ENTRIES_OF_A_ROW: usize = 5;
 
 impl Shape {
-    /// The shape for a matrix of `rows × columns` with `entries` entries that `threads` threads multiply. Sums do not depend on it.
+    /// The shape for a matrix of `rows × columns` with `entries` entries, if `threads` threads multiply. Sums do not depend on the shape.
     fn new(rows: usize, columns: usize, entries: usize, threads: usize) -> Self {
         let bands = (BANDS_A_THREAD * threads.max(1)).max(BANDS.min(rows / ROWS_OF_MANY_BANDS));
-        // A power of two that leaves at least this number of bands.
+        // The largest power of two that leaves at least this number of bands.
         let of_band = (1 << rows.div_ceil(bands).max(1).ilog2()).clamp(LEAST_ROWS, MOST_ROWS);
         // The narrowest tile in which a row has enough entries.
         let least = (ENTRIES_OF_A_ROW * columns * rows).div_ceil(entries.max(1));
@@ -299,7 +300,7 @@ mod tests_of_shape {
         assert_eq!(shape(512, 330, 2), (16_384, 4096));
         assert_eq!(shape(512, 40, 2), (16_384, 32_768));
         assert_eq!(shape(512, 40, 16), (4096, 32_768));
-        // One of four processes has this part, and one thread.
+        // This is the part of one of four processes, each with a single thread.
         let Shape { rows, .. } = Shape::new(512 * 512 / 4, 512 * 512, 330 * 512 * 512 / 4, 1);
         assert_eq!(rows, 4096);
         assert_eq!(shape(1, 0, 2), (256, 4096));

@@ -1,4 +1,4 @@
-//! Long arrays on large memory pages: a product reads them in full, and prefetching restarts at each page.
+//! Arrays on large memory pages. A product reads long arrays in full, and hardware prefetching restarts at each page.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -7,7 +7,7 @@ use std::ops::{Deref, DerefMut};
 use bytemuck::Pod;
 use memmap2::MmapMut;
 
-/// Arrays of at least this many bytes get separate pages.
+/// Arrays of at least this many bytes get memory pages of their own.
 const LONG: usize = 4 << 20;
 
 pub(in crate::transport) struct Pages<T> {
@@ -17,7 +17,7 @@ pub(in crate::transport) struct Pages<T> {
 }
 
 enum Memory {
-    /// Words of eight bytes: no element type here needs a larger alignment.
+    /// Words of eight bytes, because no element type here needs a larger alignment.
     Short(Vec<u64>),
     Long(MmapMut),
 }
@@ -29,7 +29,7 @@ impl<T: Pod> Pages<T> {
         let memory = long.map_or_else(|| Memory::Short(vec![0; bytes.div_ceil(8)]), Memory::Long);
         #[cfg(target_os = "linux")]
         if let Memory::Long(map) = &memory {
-            // Small pages are used if the system gives no large ones.
+            // If the system has no large pages, it uses small ones.
             let _ = map.advise(memmap2::Advice::HugePage);
         }
         Self { memory, length, of: PhantomData }

@@ -2,11 +2,10 @@
 
 use std::ops::Range;
 
-/// A sparse matrix in compressed rows, with `f32` weights per channel on a common sparsity pattern. Layers are
-/// built and written in this form.
+/// A sparse matrix in compressed rows. An entry has one `f32` weight for each channel. Layers are built and written in this form.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CompressedRows {
-    /// The offset into `columns` for each row, and the number of entries at the end.
+    /// For each row, the offset into `columns`; and the number of entries at the end.
     pub(crate) row_start: Vec<usize>,
     /// The column of each entry, ascending in each row.
     pub(crate) columns: Vec<u32>,
@@ -15,7 +14,7 @@ pub(crate) struct CompressedRows {
 }
 
 impl CompressedRows {
-    /// No rows, but this many channels, and room for rows and entries.
+    /// A matrix without rows for this many channels, with reserved memory for rows and entries.
     pub(crate) fn with_room(channels: usize, rows: usize, entries: usize) -> Self {
         let mut row_start = Vec::with_capacity(rows + 1);
         row_start.push(0);
@@ -34,7 +33,7 @@ impl CompressedRows {
         self.row_start[row]..self.row_start[row + 1]
     }
 
-    /// Appends entries of another matrix to the row that [`CompressedRows::end_row`] will end.
+    /// Appends entries of another matrix to the current row, which [`CompressedRows::end_row`] will end.
     pub(in crate::transport) fn extend(&mut self, from: &Self, entries: Range<usize>) {
         self.columns.extend_from_slice(&from.columns[entries.clone()]);
         for (to, from) in self.weights.iter_mut().zip(&from.weights) {
@@ -42,7 +41,7 @@ impl CompressedRows {
         }
     }
 
-    /// The transpose of these columns, with a row for each. The first row of this matrix has number `first` there.
+    /// The transpose of the `wanted` columns, with a row for each. The first row of this matrix becomes the column `first`.
     pub(in crate::transport) fn transposed(&self, wanted: &Range<usize>, first: usize) -> Self {
         let of_row = |row: usize| {
             let (start, columns) = (self.row_start[row], &self.columns[self.row(row)]);
@@ -56,7 +55,7 @@ impl CompressedRows {
         let mut next = row_start.clone();
         let entries = row_start[wanted.len()];
         let (mut columns, mut weights) = (vec![0; entries], vec![vec![0.0; entries]; self.weights.len()]);
-        // Rows are visited in order, so each row of the transpose is filled from left to right.
+        // Rows are visited in order, so the entries of each transposed row are filled in from left to right.
         for row in 0..self.rows() {
             for entry in of_row(row) {
                 let at = &mut next[place(entry)];
@@ -74,7 +73,7 @@ impl CompressedRows {
 }
 
 pub(in crate::transport) struct Pieces {
-    /// The first row of each piece, and the end of the last.
+    /// The first row of each piece, and the end of the last piece.
     first: Vec<usize>,
     pieces: Vec<CompressedRows>,
 }
@@ -100,14 +99,14 @@ impl Pieces {
         self.pieces.iter().map(|piece| piece.columns.len()).sum()
     }
 
-    /// The piece that has a row, and the row's entries there.
+    /// The piece that contains a row, and the range of the row's entries in that piece.
     pub(super) fn row(&self, row: usize) -> (&CompressedRows, Range<usize>) {
         let which = self.first.partition_point(|&first| first <= row) - 1;
         let piece = &self.pieces[which];
         (piece, piece.row(row - self.first[which]))
     }
 
-    /// Frees the pieces whose rows are all before `row`. These rows must not be requested afterwards.
+    /// Frees the pieces whose rows all come before `row`. These rows must not be requested afterwards.
     pub(in crate::transport) fn release_before(&mut self, row: usize) {
         for (piece, &end) in self.pieces.iter_mut().zip(&self.first[1..]) {
             if end <= row {

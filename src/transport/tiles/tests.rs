@@ -64,7 +64,7 @@ fn pattern(cols: usize) -> Vec<f64> {
     (0..cols).map(|column| (column * 7919 % 1013) as f64 / 1013.0 - 0.5).collect()
 }
 
-/// The vector, interleaved with its multiples by powers of two and zero, whose products are exact multiples.
+/// The vector, interleaved with its multiples by −2, 0 and ½. The products of these multiples are exact multiples of the vector's product.
 fn four(x: &[f64]) -> Vec<Interleaved> {
     x.iter().map(|x| Interleaved([*x, -2.0 * x, 0.0, 0.5 * x])).collect()
 }
@@ -98,7 +98,7 @@ proptest! {
         for channel in 0..2 {
             let bands = 0..rows.div_ceil(tiles.band_rows());
             let y: Vec<f64> = bands.clone().flat_map(|band| tiles.product(channel, band, &x)).collect();
-            // The same additions from left to right give the same bits.
+            // The same additions in the same order, from left to right, give the same bits.
             prop_assert_eq!(&y, &product(&from, channel, &x));
             let xs = four(&x);
             let of_four: Vec<Interleaved> = bands.flat_map(|band| tiles.product(channel, band, &xs)).collect();
@@ -107,7 +107,7 @@ proptest! {
     }
 }
 
-/// The triangle of a square matrix on and above its diagonal, and the symmetric matrix of this triangle.
+/// The triangle of a square matrix on and above its diagonal, and the symmetric matrix with this triangle.
 fn symmetric(of: &CompressedRows) -> [CompressedRows; 2] {
     let rows = of.rows();
     let mut dense = vec![Vec::new(); rows];
@@ -137,7 +137,7 @@ fn symmetric(of: &CompressedRows) -> [CompressedRows; 2] {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
-    /// Some cases have more rows than become tiles at the same time.
+    /// In some cases, there are more rows than become tiles at the same time.
     #[test]
     fn a_symmetric_matrix_is_made_of_its_triangle(
         rows in prop_oneof![1..3000_usize, 33_000..34_000_usize], shape in shapes(), seed: u64,
