@@ -1,5 +1,5 @@
-//! A camera of Linux's video interface V4L2 (feature `v4l`), which has not been tried on hardware. The camera runs freely. For each photo,
-//! frames that may have begun too early are discarded.
+//! A camera of Linux's video interface V4L2 (feature `v4l`). This driver has not been tried on hardware. The camera runs freely, so the
+//! frames that may have begun too early are discarded before each photo.
 
 use std::io::Error as Refusal;
 use std::time::Duration;
@@ -36,7 +36,7 @@ pub struct V4l {
 }
 
 impl V4l {
-    /// Opens the camera. Frames have times of `clock`, and numbers from `after + 1`.
+    /// Opens the camera. The times of frames are read from `clock`, and their numbers begin at `after + 1`.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when there is no such device, it is in use, or it cannot do what `spec` says.
