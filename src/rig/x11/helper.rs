@@ -104,7 +104,7 @@ impl Places<'_> {
             .ok_or_else(|| self.none(&name))
     }
 
-    /// Whether `program` is the running program. It did not declare that it is krylux, so it must not start itself.
+    /// Whether `program` is the running program. The running program did not declare that it is krylux, so it must not start itself.
     fn is_running(&self, program: &Path) -> bool {
         let real = |path: &Path| path.canonicalize().ok();
         self.running.and_then(real).is_some_and(|running| real(program) == Some(running))

@@ -23,7 +23,7 @@ pub(crate) struct Watch {
     place: [i32; 4],
     mapped: bool,
     obscured: bool,
-    /// The trouble since the last check. It is kept until it is reported.
+    /// The trouble that was noticed since the last check. It is kept until it is reported.
     trouble: Option<Trouble>,
     completed: Option<Completed>,
 }
@@ -92,7 +92,7 @@ impl Watch {
         }
     }
 
-    /// The confirmation of a frame or refresh with this serial number, if it has arrived. Others belong to earlier requests.
+    /// The confirmation of a frame or refresh with this serial number, if it has arrived. Other confirmations belong to earlier requests.
     fn confirmation(&mut self, serial: u32, of_frame: bool) -> Option<Completed> {
         self.completed.take_if(|found| found.serial == serial && found.of_frame == of_frame)
     }
