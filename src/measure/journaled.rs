@@ -10,11 +10,12 @@ use crate::error::{Error, Result};
 use crate::journal::{Damage, Journal, Key, Kind};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
-/// Opens the rig. With a stamp, the session continues after the photo of that stamp. A virtual rig is then in exactly the same state.
+/// Opens the rig. With a stamp, the session continues after the photo of that stamp. A virtual rig is then in exactly the state after that
+/// photo.
 pub type Opener<'a> = Box<dyn FnMut(Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> + Send + 'a>;
 
-/// A frame source with a journal. A frame in the journal is read from it. Any other frame is taken by the
-/// rig, written to the journal, and only then returned.
+/// A frame source with a journal. A frame that the journal holds is read from the journal. Any other frame is taken by the rig, written to
+/// the journal, and only then returned.
 ///
 /// The rig is opened when the first photo is missing, so that a finished run can be repeated without the rig.
 /// A photo that was lost to damage is taken again after the stamp of the photo before it. The frames of a
@@ -40,7 +41,8 @@ impl<'a> JournaledFrames<'a> {
     /// Continues a journal, new or old. With a new journal, the rig is opened at once to record its devices.
     ///
     /// # Errors
-    /// [`Error::Rig`] when the rig cannot be opened or is not the journal's; [`Error::Journal`] when the journal cannot be read or written.
+    /// [`Error::Rig`] when the rig cannot be opened or is not the rig of the journal; [`Error::Journal`] when the journal cannot be read or
+    /// written.
     pub fn new(mut journal: Journal, mut opener: Opener<'a>) -> Result<Self> {
         let known = journal.read_note(DEVICES)?;
         let (devices, inner) = match known {
@@ -57,7 +59,7 @@ impl<'a> JournaledFrames<'a> {
         Ok(Self { inner, ..journaled })
     }
 
-    /// Returns the frames of the journal alone, without a rig.
+    /// A source that returns only the frames of the journal, without a rig.
     ///
     /// # Errors
     /// [`Error::Journal`] when the journal does not name the devices of its photos.
@@ -305,9 +307,9 @@ impl CaptureOrder {
     /// The place of a missing photo: the stamp of the photo before it, and the frame number that it must stay
     /// below. `last` is the photo that was returned last.
     ///
-    /// A damaged photo with a known stamp comes after the photo before it. If `last` is followed by a gap,
-    /// the missing photo is assumed to be the one that was lost there, because a repeated run asks for its
-    /// photos in the order in which they were taken. Any other photo is new and comes after all others.
+    /// A damaged photo with a known stamp keeps its place after the photo before it. If `last` is followed by a gap, the missing photo is
+    /// assumed to be the one that was lost there, because a repeated run asks for its photos in the order in which they were taken. Any
+    /// other photo is new and comes after all others.
     pub(crate) fn place(&self, key: Key, last: Option<Stamp>) -> (Option<Stamp>, Option<u64>) {
         let lost = self.photos.values().find(|(_, known)| *known == key).map(|(stamp, _)| stamp.id);
         if let Some(id) = lost {

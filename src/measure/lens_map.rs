@@ -25,8 +25,8 @@ pub struct LensMap {
     pub camera: Resolution,
     /// The projector's pixels.
     pub projector: Resolution,
-    /// The first eight entries of the homography, row by row. The ninth is 1. It maps undistorted normalized
-    /// camera coordinates (0 at the centre, 1 at the corner) to normalized projector coordinates.
+    /// The first eight entries of the homography, row by row. The ninth entry is 1. The homography maps undistorted normalized camera
+    /// coordinates (0 at the centre, 1 at the corner) to normalized projector coordinates.
     pub homography: [f64; 8],
     /// The coefficients `k₁` and `k₂` of the radial distortion.
     pub distortion: [f64; 2],
@@ -163,7 +163,7 @@ mod tests {
                 let (more, less) = (moved(1e-5), moved(-1e-5));
                 for axis in 0..2 {
                     let slope = (more[axis] - less[axis]) / 2e-5;
-                    // The error of a central difference is the square of the step, plus rounding divided by the step.
+                    // The error of a central difference is of the order of the squared step, plus the rounding error divided by the step.
                     assert!((slopes[axis][parameter] - slope).abs() < 1e-8, "{parameter} {axis}");
                 }
             }

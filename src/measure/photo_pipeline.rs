@@ -94,8 +94,8 @@ impl PhotoPipeline {
         Ok(Arc::new(seen))
     }
 
-    /// Takes a sentinel at the end of a run's photos, unless no pattern was shown since white. A run that continues with more patterns
-    /// takes its other sentinels as if this one had not been taken.
+    /// Takes a sentinel at the end of a run's photos, unless no pattern was shown since the last photo of white. A run that continues with
+    /// more patterns takes its other sentinels as if this one had not been taken.
     pub(crate) fn look_again(&mut self) -> Result<()> {
         let take = 2 * MOST_TAKES + self.shown.len() as u32;
         if self.since_white > 0 && self.last != Some(take) {
@@ -199,8 +199,8 @@ impl PhotoPipeline {
 //
 // A sentinel is a photo of white that is repeated after a fixed number of patterns. The brightness of the lamp is the sentinel's light
 // relative to the first white photo. A photo is corrected as soon as it is taken, so the brightness at its time is extrapolated from the
-// last two sentinels. For a replayed photo between two sentinels it is interpolated. Times come from the frames, so a replay makes the same
-// corrections.
+// last two sentinels. For a replayed photo between two sentinels, the brightness is interpolated. The times are stored with the frames, so
+// a replay makes the same corrections.
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LampDrift {

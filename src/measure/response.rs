@@ -34,8 +34,9 @@ pub(crate) struct CameraCurve {
 }
 
 impl CameraCurve {
-    /// The curve of a camera with this many bits. `undo` corrects black level and response. Without it, counts are used as light. Fails
-    /// with [`Error::Dimension`] without one value per count, and with [`Error::Numerical`] at an invalid gain or read noise.
+    /// The curve of a camera with this many bits. With `undo`, black level and response are corrected. Without `undo`, counts are used as
+    /// light. Fails with [`Error::Dimension`] unless the curve has one value per count, and with [`Error::Numerical`] if gain or read noise
+    /// is invalid.
     pub(crate) fn new(response: &CameraResponse, bits: u32, undo: bool) -> Result<Self> {
         let counts = 1_usize << bits;
         if let Some(curve) = response.curve.as_ref().filter(|curve| curve.len() != counts) {
@@ -117,7 +118,7 @@ pub(crate) struct ProjectorCurve {
 
 impl ProjectorCurve {
     /// The curve of a projector with this many bits: the measured curve with `undo`, and a linear one without it. Fails with
-    /// [`Error::Dimension`] without one value per level, and with [`Error::Numerical`] when it does not ascend from 0 to 1.
+    /// [`Error::Dimension`] unless the curve has one value per level, and with [`Error::Numerical`] unless it ascends from 0 to 1.
     pub(crate) fn new(curve: &[f64], bits: u32, undo: bool) -> Result<Self> {
         let levels = 1_usize << bits;
         if curve.len() != levels {
@@ -164,7 +165,7 @@ impl ProjectorCurve {
     }
 }
 
-/// The difference of two frames of one capture request, relative to the predicted noise.
+/// The difference between two frames of one capture request, relative to the predicted noise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct NoiseRatio {
     /// The root mean square of the differences, each divided by its predicted standard deviation. It is 1 for noise as predicted.
@@ -211,7 +212,7 @@ pub fn noise_ratio(
         .iter()
         .map(|&[a, b]| {
             let [first, second] = [curve.linear(a), brightness * curve.linear(b)];
-            // The expected value of both is their mean.
+            // The expected value of both samples is their mean.
             let variance = curve.variance(0.5 * (first + second), curve.rounding(a));
             (first - second).powi(2) / (variance * (1.0 + brightness * brightness))
         })

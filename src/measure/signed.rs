@@ -5,8 +5,9 @@
 //! split    A x = p A(x⁺/p) − q A(x⁻/q),    p = max x⁺,  q = max x⁻
 //! ```
 //!
-//! `A 1` is the white photo, which is taken only once. The affine form costs one photo. The split form costs
-//! two, or one when `x` has only one sign. A constant `x = a` costs none.
+//! Here `a` and `b` are the least and the largest value of `x`, and `x = x⁺ − x⁻`. `A 1` is the white photo, which is taken only once. The
+//! affine form costs one photo. The split form costs two photos, or one photo when `x` has only one sign. A constant `x = a` costs no
+//! photo.
 
 use super::options::{MeasureOptions, SignedBy};
 use super::photo_pipeline::ReferencePhotos;
@@ -78,9 +79,9 @@ fn range(x: &[f64], seen: &[bool]) -> [f64; 2] {
 
 /// Predicts the total variance of photos over all projector pixels, from the white photo and the camera's noise model.
 ///
-/// The total light of the photo of a pattern `g` is `⟨1, A g⟩ = ⟨A 1, g⟩`, because `A = Aᵀ`. The white photo
-/// `A 1` thus gives it for every pattern. The distribution of the light over the pixels matters only where
-/// exposures are merged. It is assumed to be the distribution of white.
+/// The total light of the photo of a pattern `g` is `⟨1, A g⟩ = ⟨A 1, g⟩`, because `A = Aᵀ`. The white photo `A 1` thus gives the total
+/// light for every pattern. The distribution of the light over the pixels matters only where exposures are merged. This distribution is
+/// assumed to be that of white.
 pub(crate) struct NoisePrediction<'a> {
     pub(crate) curve: &'a CameraCurve,
     pub(crate) options: &'a MeasureOptions,

@@ -61,7 +61,7 @@ impl FileCheck {
         self.refuse(channels != 1 && channels != 3, fault, "give 1 (gray) or 3 (red, green, blue)")
     }
 
-    /// Checks the devices of a virtual rig and everything between them.
+    /// Checks the devices of a virtual rig, and the properties of the light between and around them.
     pub(super) fn virtual_rig(&self, rig: &VirtualTables) -> Checked {
         self.projector(&rig.projector)?;
         self.camera(&rig.camera, rig.projector.channels)?;
@@ -160,7 +160,7 @@ impl FileCheck {
         )?;
         for (at, &entry) in matrix.as_flattened().iter().enumerate() {
             let (row, column) = (at / 3, at % 3);
-            // Each channel sees something.
+            // Each camera channel must respond to the projector channel of the same colour.
             let least = if row == column { 1e-6 } else { 0.0 };
             self.range(&format!("camera.crosstalk[{row}][{column}]"), entry, least, 1e3)?;
         }

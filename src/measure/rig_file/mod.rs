@@ -35,8 +35,8 @@
 //! [measurement]                   # MeasureOptions
 //! ```
 //!
-//! Programs drive a still camera. Programs that the file names run only if the file is in the user's own folder ([`own_folder`]) or if they
-//! are otherwise allowed ([`RigFile::require_programs_allowed`]).
+//! A still camera needs other programs. Programs that the file names run only if the file is in the user's own folder ([`own_folder`]) or
+//! if they are otherwise allowed ([`RigFile::require_programs_allowed`]).
 //!
 //! A program can hand over devices, such as a camera behind its maker's library ([`LabBuilder::devices`](crate::lab::LabBuilder::devices)).
 //! The file then only describes them:
@@ -55,7 +55,7 @@
 //! ```
 //!
 //! A *camera file* is a different file: it holds the poses of camera and projector in a scene (see [`crate::scene::load_with`]). A virtual
-//! rig may name one as `scene.camera_file`.
+//! rig may name a camera file as `scene.camera_file`.
 
 mod check;
 mod programs;
@@ -180,7 +180,7 @@ struct DeviceTables<P, C> {
     measurement: MeasureOptions,
 }
 
-/// The part of a file that names the kind of its camera. The type of the other tables depends on it.
+/// The part of a file that names the kind of its camera. The type of the other tables depends on this kind.
 #[derive(Deserialize)]
 struct OfKind {
     camera: Option<KindOnly>,
