@@ -44,9 +44,9 @@ pub struct CameraResponse {
     pub curve: Option<Vec<f64>>,
 }
 
-/// The pixel map: the camera pixels that see each projector pixel, in compressed sparse rows. There is one row per projector pixel. With
-/// the weights of the rows, the photo of an evenly lit raster is evenly bright. Away from the raster's border, the weights of a row add up
-/// to 1. Unseen projector pixels have empty rows.
+/// The pixel map: the camera pixels that see each projector pixel, in compressed sparse rows. There is one row per projector pixel. The
+/// weights keep the photo of an evenly lit raster even. Away from the raster's border, the weights of a row add up to 1. Unseen projector
+/// pixels have empty rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Registration {
     /// The camera's pixels.
@@ -59,8 +59,7 @@ pub struct Registration {
     pub pixels: Vec<u32>,
     /// The weights of these camera pixels.
     pub weights: Vec<f64>,
-    /// The lens map from which the weights were computed. The spread of direct light follows from this map. It is `None` when no map is
-    /// known.
+    /// The lens map from which the weights were computed, and which gives the spread of direct light. `None`: no map is known.
     pub lens: Option<LensMap>,
 }
 
@@ -99,9 +98,8 @@ impl Calibration {
 }
 
 impl Registration {
-    /// The pixel map of two rasters that cover the same field. A projector pixel is seen with equal weights by the camera pixels whose
-    /// centres lie in it. If no centre lies in the projector pixel, the camera pixel that contains the centre of the projector pixel sees
-    /// it.
+    /// The pixel map of two rasters that cover the same field. The camera pixels whose centres lie in a projector pixel see it with equal
+    /// weights. If there are no such camera pixels, the camera pixel that contains the projector pixel's centre sees it.
     ///
     /// If the camera's raster is finer than the projector's, but not by a whole factor, some camera pixels see two projector pixels. The
     /// map is then made in the same way as for a calibrated rig, to separate a pixel's light from its neighbours' light.
@@ -136,8 +134,8 @@ impl Registration {
 // The flat-field stage: the uneven brightness of projector and camera, above all their vignetting.
 //
 // A pattern `x` leaves the projector as `p ∘ x`, and light `y` is photographed as `c ∘ y`, with smooth factors `p` and `c` on the
-// projector's pixels. So the rig's matrix is `diag(c) A diag(p)` with the light transport `A`. It is not symmetric. Patterns are divided by
-// `p`, and photos by `c`.
+// projector's pixels. With the light transport `A`, the rig's matrix is `diag(c) A diag(p)`, which is not symmetric. Patterns are divided
+// by `p`, photos by `c`.
 
 /// The relative brightness of the projector and of the camera at each of the projector's pixels.
 #[derive(Clone, Debug, PartialEq)]
@@ -198,7 +196,7 @@ impl FlatField {
         x.iter().zip(&self.projector).map(|(x, factor)| x / factor).collect()
     }
 
-    /// The vector `x` that a shown pattern stands for.
+    /// The vector `x` that a shown pattern represents.
     pub(crate) fn shown(&self, pattern: &[f64]) -> Vec<f64> {
         pattern.iter().zip(&self.projector).map(|(x, factor)| x * factor).collect()
     }
@@ -252,8 +250,7 @@ mod tests {
                         .map(|entry| entry.1.abs())
                         .sum()
                 };
-                // One of two or more camera pixels along each side lies almost inside the projector pixel. A mean of all camera pixels
-                // would have 0.1 to 0.3 of the neighbours' light.
+                // Some camera pixel lies almost inside each projector pixel. A mean would have 0.1 to 0.3 of the neighbours' light.
                 assert!(of(true) > 0.97 && of(false) < 0.05, "{width}x{height} {pixel}: {row:?}");
             }
         }

@@ -2,9 +2,9 @@
 //!
 //! The projector shows patterns that change from pixel to pixel or from square to square ([`DirectPatterns`]). Global light is an average
 //! over many pixels and hardly changes from pattern to pattern. The direct light of a pixel is proportional to the light that arrives at
-//! this pixel. A projector's lens spreads each pixel's light over its neighbours, so the light that arrives is the blurred pattern `u = K
-//! x`. The camera's pixels spread the reflected light, by the known matrix `S` ([`PixelSpread`]). With direct light `d` and global light
-//! `g`, the photo `y_m` of pattern `m`, and the fit of `d`, are
+//! this pixel. A projector's lens spreads each pixel's light over its neighbours, so the light that arrives is the blurred pattern
+//! `u = K x`. The camera's pixels spread the reflected light, by the known matrix `S` ([`PixelSpread`]). With direct light `d` and global
+//! light `g`, the model of the photo `y_m` of pattern `m` and the fit of `d` are
 //!
 //! ```text
 //! y_m = S (d ∘ u_m) + g,      minimise over d:  Σ_m ‖y_m − ȳ − S (d ∘ (u_m − ū))‖²
@@ -95,7 +95,8 @@ impl DirectMatrix {
         of_pixels.sqrt().hypot(self.doubt.error * of_blur)
     }
 
-    /// Row `pixel` of one channel's matrix: ascending columns with their weights. Weights below [`SMALLEST`] of the largest are left out.
+    /// Row `pixel` of one channel's matrix: ascending columns with their weights. Weights below [`SMALLEST`] of the largest weight are left
+    /// out.
     pub(crate) fn row(&self, channel: usize, pixel: usize) -> Vec<WeightedColumn> {
         let direct = &self.planes[channel].values;
         let own = [(pixel as u32, 1.0)];
@@ -214,8 +215,7 @@ pub(crate) enum DirectPatterns {
 }
 
 impl DirectPatterns {
-    /// The patterns that suit a pixel map. A calibration without a lens map gets squares of four pixels, so that its earlier runs can still
-    /// be queried.
+    /// The patterns that suit a pixel map. Without a lens map, they are squares of four pixels, so that earlier runs can still be queried.
     pub(crate) fn of(registration: &Registration) -> Self {
         let finer = registration.camera.pixels() >= RESOLVES * registration.projector.pixels();
         if finer && registration.lens.is_some() { Self::Codes } else { Self::Squares(4) }
@@ -243,7 +243,7 @@ pub fn checkerboard(resolution: Resolution, side: usize, [right, down]: [usize; 
     (0..resolution.pixels()).map(lit).collect()
 }
 
-/// The checkerboards, shifted by half a square: each pixel is well inside a bright square and well inside a dark one at least once.
+/// The checkerboards, shifted by half a square: each pixel is well inside a bright square and well inside a dark square at least once.
 fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
     let shifts = |to: usize| (0..to).step_by(side.div_ceil(2));
     shifts(side)
@@ -251,14 +251,13 @@ fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-// Codes are patterns in which each pixel is lit in half of the photos, and near pixels are lit by different codes.
+// Codes are patterns in which each pixel is lit in half of the photos, and near pixels have different codes.
 //
 // The code of a pixel is the set of photos in which it is lit, a row of a Hadamard matrix. Two different codes are orthogonal. Light from a
 // pixel with another code therefore cancels exactly in the correlation of the photos with the pixel's code. Pixels with the same code are
 // about `√photos` pixels apart. Every second row has inverted codes, so that even global light from pixels with the same code cancels.
 
-/// The patterns of `photos` photos. Their number is a power of two of at least 4. Each pattern has `n` values: 1 where a pixel is lit, 0
-/// elsewhere.
+/// The code patterns. `photos` is a power of two of at least 4. Each pattern has `n` values: 1 where a pixel is lit, 0 elsewhere.
 pub fn code_patterns(resolution: Resolution, photos: usize) -> impl Iterator<Item = Vec<f64>> {
     let step = step(photos - 1);
     (0..photos).map(move |photo| {

@@ -21,8 +21,7 @@ pub(crate) struct DirectFit<'a> {
 }
 
 impl<'a> DirectFit<'a> {
-    /// Fits `d` without the spread `S`. The fit is exact when there is no spread. The mean is already subtracted from `photos`, but not
-    /// from `shown`.
+    /// Fits `d` without the spread `S`. The fit is exact when there is no spread. The mean is subtracted from `photos`, not from `shown`.
     ///
     /// Pixels that are not `lit` by any pattern have no direct light. A blur gives such a pixel a trace of its neighbours' light, and the
     /// camera pixels at a silhouette may see a trace of such a pixel. A fit to these traces would explain every error of the photos there
@@ -160,8 +159,8 @@ pub(crate) fn without_mean(mut planes: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
 // Light that a pixel sends to its neighbours by way of other surfaces looks like a blur, but only near edges and creases. A blur that is a
 // little too wide makes the direct light of all pixels a little too bright, and an average over pixels does not remove this error. The
 // error of the blur is estimated from the disagreement between parts of the picture. Let `R_b(t)` be the sum of the squared residuals in
-// part `b` if an additional share `t` of each pixel's light goes to its neighbours. The error is `√Σ_b R_b'²` over the curvature of `Σ_b
-// R_b` (a cluster-robust standard error).
+// part `b` if an additional share `t` of each pixel's light goes to its neighbours. The error is `√Σ_b R_b'²` over the curvature of
+// `Σ_b R_b` (a cluster-robust standard error).
 
 /// The step in the share `t` for the finite differences of the squared residuals.
 const SHARE_STEP: f64 = 0.002;
@@ -299,7 +298,7 @@ mod tests {
         }
         let fit = || DirectFit::new(&shown, &[true; 48], None, None, &photos);
         assert!((fit().residual() - 4.0 * 48.0 * e * e).abs() < 1e-12);
-        // The squared residuals are 4 e² with two degrees of freedom. Patterns have squares of 4 and of 16.
+        // The squared residuals are 4 e² with two degrees of freedom. The patterns' sums of squares are 4 and 16.
         let from_residuals = |pixel: usize| 2.0 * e * e / if pixel < 24 { 4.0 } else { 16.0 };
         for (share, counts) in [(1.0 / 1.7, true), (1.0 / 1.5, false), (2.0, false), (0.0, true)] {
             let noise: Vec<f64> = (0..48).map(|pixel| share * from_residuals(pixel)).collect();
@@ -363,7 +362,7 @@ mod tests {
             let mut fit = DirectFit::new(&shown, &lit, blur.as_ref(), Some(&spread), &photos);
             fit.improve(40);
             for (pixel, (found, truth)) in fit.direct.iter().zip(&direct).enumerate() {
-                // At half a pixel, the fit undoes the spread of the camera's pixels, and errors grow.
+                // At a shift of half a pixel, the fit undoes the spread of the camera's pixels, and errors grow.
                 let most = if past < 0.2 { 0.01 } else { 0.1 };
                 assert!((found - truth).abs() < most, "{past}: {found} for {truth} at {pixel}");
             }
@@ -411,8 +410,7 @@ mod tests {
         assert!((wide[7] - (0.7 * pattern[7] + 0.3 * 0.25 * near)).abs() < 1e-14);
     }
 
-    /// The squared residuals of each part are least at a different share. The sum over both parts is least at the mean of the two shares,
-    /// 0.
+    /// The squared residuals of each part are least at a different share. Their sum is least at the mean of the two shares, 0.
     #[test]
     fn parts_that_disagree_make_the_error_of_their_mean() {
         let size = Resolution::new(2 * PART, PART);

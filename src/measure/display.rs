@@ -44,8 +44,7 @@ pub(crate) struct Displayed {
 }
 
 impl PatternDisplay {
-    /// The display of a projector with these response curves. With `undo`, the response is corrected. `seed` is the seed of the random
-    /// dither.
+    /// The display of a projector with these response curves. With `undo`, the response is corrected. `seed` starts the random dither.
     pub(crate) fn new(
         projector: &ProjectorInfo,
         curves: &[Vec<f64>],
@@ -157,8 +156,8 @@ impl PatternDisplay {
 }
 
 impl Displayed {
-    /// The pattern that lit one of the camera's `channels`: the projector's channel of the same index, or the mean of its channels where
-    /// the numbers of channels differ.
+    /// The pattern that lit one of the camera's `channels`: the projector's channel of the same index, or the mean of the projector's
+    /// channels if the numbers of channels differ.
     pub(crate) fn seen_by(&self, channel: usize, channels: usize) -> Vec<f64> {
         if self.light.len() == channels || self.light.len() == 1 {
             return self.light[channel.min(self.light.len() - 1)].clone();
@@ -174,12 +173,12 @@ impl Displayed {
 //
 // Each frame shows the quantization error of the frames before it. Let `δ` be the widest step between levels. The first of `K` frames has
 // weight `w = 1/(1+δ)` and shows the level below `x / w` for the pattern `x`. The remainder is at most `w δ` at every pixel, so the next
-// frame shows it as a pattern of that range. The last frame shows the nearest level. For a projector of one bit these are the binary
-// digits, with weights ½, ¼, …. Each frame reduces the error by the factor `δ/(1+δ)`.
+// frame shows it as a pattern of that range. The last frame shows the nearest level. For a projector of one bit, the frames are binary
+// digits with weights ½, ¼, …. Each frame reduces the error by the factor `δ/(1+δ)`.
 //
 // The result has the noise of `Σ w_k photo_k`. Each photo has the full read noise of the camera, independent of its weight. With `K`
-// exposures of `t/K` seconds instead of one of `t`, the standard deviation due to read noise grows by the factor `K √Σ w_k²`
-// ([`bit_plane_amplification`]). In little light, more frames can therefore be worse than fewer.
+// exposures of `t/K` seconds instead of one exposure of `t` seconds, the standard deviation due to read noise grows by the factor
+// `K √Σ w_k²` ([`bit_plane_amplification`]). In little light, more frames can therefore be worse than fewer.
 
 /// The weights of `count` frames on a projector whose widest step between levels is `step` (levels from 0 to 1).
 pub fn bit_plane_weights(count: u32, step: f64) -> Vec<f64> {
@@ -195,14 +194,14 @@ pub fn bit_plane_weights(count: u32, step: f64) -> Vec<f64> {
     bit_plane_weights
 }
 
-/// The growth of the standard deviation when frames of these weights replace one photo, at equal total exposure, with read noise alone.
+/// The factor by which the standard deviation grows when frames of these weights replace one photo, at equal total exposure, with read
+/// noise alone.
 pub fn bit_plane_amplification(bit_plane_weights: &[f64]) -> f64 {
     bit_plane_weights.len() as f64
         * bit_plane_weights.iter().map(|weight| weight * weight).sum::<f64>().sqrt()
 }
 
-/// Decomposes the pattern `target` into `count` frames with their weights. `target` has one plane for all channels or one plane per
-/// channel. Dark frames are left out.
+/// Decomposes `target`, with one plane for all channels or one plane per channel, into `count` weighted frames. Dark frames are left out.
 pub(crate) fn decompose(
     display: &PatternDisplay,
     target: &[Vec<f64>],

@@ -171,14 +171,13 @@ mod tests {
 
     #[test]
     fn the_brightest_pixel_comes_to_four_fifths_of_saturation() {
-        // The search begins at the geometric mean of the range. A test photo that fills 3 % of the range is too dark. The next test photo
-        // fills 80 %.
+        // The search begins at the geometric mean of the range. A photo with 3 % of the range is too dark. The next photo has 80 %.
         let (chosen, asked) = Scene::of(&[100.0, 25.0]).choose(1);
         assert!(
             near(&chosen.expect("there is light"), &[7.92]) && near(&asked, &[0.1_f64.sqrt(), 7.92]),
             "{asked:?}"
         );
-        // A test photo that fills 6 % of the range suffices.
+        // A photo with 6 % of the range suffices.
         let (chosen, asked) = Scene::of(&[190.0]).choose(1);
         assert!(
             near(&chosen.expect("there is light"), &[4.17]) && near(&asked, &[0.1_f64.sqrt()]),
@@ -235,7 +234,7 @@ mod tests {
     #[test]
     fn longer_exposures_follow_by_factors_of_four_until_the_darkest_pixel_is_well_exposed() {
         let brackets = |light: &[f64], most: u32| Scene::of(light).choose(most).0.expect("there is light");
-        // The darkest pixel never reaches 20 standard deviations above black. Exposures grow up to the longest one that is allowed.
+        // The darkest pixel never reaches 20 standard deviations above black. Exposures grow up to the longest exposure that is allowed.
         assert!(near(&brackets(&[100.0, 0.01], 5), &[7.92, 31.68, 100.0]));
         assert!(near(&brackets(&[100.0, 0.01], 2), &[7.92, 31.68]));
         assert!(near(&brackets(&[100.0, 0.01], 1), &[7.92]));

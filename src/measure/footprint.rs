@@ -11,8 +11,8 @@ use crate::image::Resolution;
 const COVERED: f64 = 0.25;
 
 /// The pixel map by overlap. Each projector pixel is seen by the camera pixels that overlap it. The weights of these camera pixels keep the
-/// contribution of neighbouring projector pixels low. Only `lit` camera pixels are used. Projector pixels that are covered too little have
-/// empty rows.
+/// contribution of neighbouring projector pixels low. Only `lit` camera pixels are used. Too little covered projector pixels have empty
+/// rows.
 pub(crate) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
     let (areas, rows) = overlaps(map, lit);
     let shares = shares_of(&areas, &rows);
@@ -116,8 +116,8 @@ pub(crate) fn area(points: &[[f64; 2]]) -> f64 {
 //
 // A camera pixel that straddles two projector pixels sees the light of both. A mean over all camera pixels that overlap a projector pixel
 // therefore contains light of its neighbours, which looks like global light. Camera pixels inside the projector pixel should count more.
-// With the share `c_jk` of camera pixel `j` that lies in projector pixel `k`, the weights `r_j` of projector pixel `i` minimise (`δ` is the
-// Kronecker delta)
+// With the share `c_jk` of camera pixel `j` that lies in projector pixel `k`, the weights `r_j` of projector pixel `i` minimise, with
+// Kronecker's `δ`,
 //
 // ```text
 // Σ_k (Σ_j r_j c_jk − δ_ik)²  +  λ Σ_j r_j²        where  Σ_jk r_j c_jk = 1
@@ -201,8 +201,8 @@ fn sharpened(pixel: usize, mut row: Vec<WeightedColumn>, shares: &SparseRows) ->
 }
 
 /// The camera pixels that are used for a projector pixel, with their overlaps, in ascending order. If few camera pixels overlap the
-/// projector pixel, perhaps none lies inside it. The surrounding camera pixels are then added with an overlap of 0, because they show the
-/// light of the neighbours. `overlaps` lists the overlaps of all projector pixels.
+/// projector pixel, perhaps no camera pixel lies inside it. The surrounding camera pixels are then added with an overlap of 0, because they
+/// show the light of the neighbours. `overlaps` lists the overlaps of all projector pixels.
 fn around(pixel: usize, projector: Resolution, overlaps: &[Vec<WeightedColumn>]) -> Vec<WeightedColumn> {
     let own = &overlaps[pixel];
     if own.len() >= ENOUGH {
@@ -270,8 +270,7 @@ mod tests {
         };
         for pixel in 0..projector.pixels() {
             let own = spread.apply(&one(pixel))[pixel];
-            // A mean over all overlapping camera pixels would have 0.6 of the pixel's own light along each axis, which is 0.4 along both
-            // axes.
+            // A mean over all overlapping camera pixels would have 0.6 of its own light along each axis, so 0.4 along both.
             assert!((0.97..1.03).contains(&own), "{own} at {pixel}");
         }
         let even = spread.apply(&vec![1.0; projector.pixels()]);

@@ -105,7 +105,7 @@ pub struct Times {
     pub expose: f64,
     /// Setting and triggering the camera, transferring frames, and refused tries.
     pub transfer: f64,
-    /// Everything else: processing photos and writing the journal.
+    /// All other work: processing photos and writing the journal.
     pub process: f64,
 }
 
@@ -182,7 +182,6 @@ mod tests {
     }
 }
 
-/// A simulated rig for tests.
 #[cfg(test)]
 pub(crate) mod simulated {
     use super::{CameraInfo, CaptureRequest, Effort, FrameSource, ProjectorInfo, RawFrame, Result};

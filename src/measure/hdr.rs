@@ -27,7 +27,7 @@ pub(crate) struct AveragedExposure {
     pub(crate) saturated: Vec<bool>,
 }
 
-/// Captures `frame` at `exposure` seconds once for each number in `takes`, and averages.
+/// Captures `frame` at `exposure` seconds once for each number in `takes`, and averages the takes.
 pub(crate) fn average(
     frames: &mut dyn FrameSource,
     curve: &CameraCurve,
@@ -127,7 +127,7 @@ pub(crate) struct RateFrame {
     pub(crate) values: Vec<f64>,
     /// The variances of the rates, without the variance of the black photo, which all photos share.
     pub(crate) variance: Vec<f64>,
-    /// The subtracted share of each exposure's black rate, one plane per exposure. It is `None` for a single exposure, with a share of 1.
+    /// The subtracted share of each exposure's black rate, one plane per exposure. It is `None` for a single exposure, whose share is 1.
     pub(crate) shares: Option<Vec<Vec<f64>>>,
     /// The factor of the drift correction. The shares must be multiplied by it.
     pub(crate) scale: f64,
@@ -183,7 +183,8 @@ pub(crate) fn merge(
     }
 }
 
-/// The error for pixels that are saturated in every exposure. `pixel` is the first one, and `shortest` the shortest exposure in seconds.
+/// The error for pixels that are saturated in every exposure. `pixel` is the first of them, and `shortest` is the shortest exposure in
+/// seconds.
 pub(crate) fn saturated(pixel: usize, count: usize, shortest: f64, camera: Resolution) -> Error {
     let are = if count == 1 { " is" } else { "s are" };
     let (column, row) = (pixel % camera.width, pixel / camera.width);

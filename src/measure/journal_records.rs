@@ -176,8 +176,7 @@ pub(crate) fn decode_devices(bytes: &[u8]) -> Option<(ProjectorInfo, CameraInfo)
     ))
 }
 
-/// The sum of the costs of two sessions. The `seconds` of the sum are the larger of the two values, because the clock of the second session
-/// continues the first.
+/// The sum of the costs of two sessions. Its `seconds` are the larger of the two values, because the clock continues.
 pub(crate) fn sum(first: &Effort, second: &Effort) -> Effort {
     Effort {
         shown: first.shown + second.shown,

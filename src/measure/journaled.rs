@@ -10,16 +10,16 @@ use crate::error::{Error, Result};
 use crate::journal::{Damage, Journal, Key, Kind};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
-/// Opens the rig. With a stamp, the session continues after the photo of that stamp. A virtual rig is then in exactly the state after that
+/// Opens the rig. With a stamp, the session continues after the photo of that stamp. A virtual rig then has exactly its state after that
 /// photo.
 pub type Opener<'a> = Box<dyn FnMut(Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> + Send + 'a>;
 
 /// A frame source with a journal. A frame that the journal holds is read from the journal. Any other frame is taken by the rig, written to
 /// the journal, and only then returned.
 ///
-/// The rig is opened when the first photo is missing, so that a finished run can be repeated without the rig.
-/// A photo that was lost to damage is taken again after the stamp of the photo before it. The frames of a
-/// virtual rig are a function of their number and time, so the new photo equals the lost one bit for bit.
+/// The rig is opened when the journal lacks a requested photo, so that a finished run can be repeated without the rig. A photo that was
+/// lost to damage is taken again after the stamp of the photo before it. The frames of a virtual rig are a function of their number and
+/// time, so the new photo equals the lost photo bit for bit.
 pub struct JournaledFrames<'a> {
     journal: Journal,
     opener: Option<Opener<'a>>,
@@ -41,7 +41,7 @@ impl<'a> JournaledFrames<'a> {
     /// Continues a journal, new or old. With a new journal, the rig is opened at once to record its devices.
     ///
     /// # Errors
-    /// [`Error::Rig`] when the rig cannot be opened or is not the rig of the journal; [`Error::Journal`] when the journal cannot be read or
+    /// [`Error::Rig`] when the rig cannot be opened or does not match the journal; [`Error::Journal`] when the journal cannot be read or
     /// written.
     pub fn new(mut journal: Journal, mut opener: Opener<'a>) -> Result<Self> {
         let known = journal.read_note(DEVICES)?;
@@ -109,8 +109,8 @@ impl<'a> JournaledFrames<'a> {
         notes.max_by_key(|note| note.id).map_or_else(Effort::default, |note| note.effort)
     }
 
-    /// All photos in the journal with the frames that were shown, in the order in which they were taken. The
-    /// iterator reads each photo when it reaches it. It skips damaged photos.
+    /// All photos in the journal with the frames that were shown, in the order in which they were taken. The iterator reads each photo when
+    /// it is reached, and skips damaged photos.
     pub fn pairs(&mut self) -> impl Iterator<Item = Result<JournaledPhoto>> + '_ {
         let keys = self.order.keys();
         keys.into_iter().filter_map(|key| JournaledPhoto::read(&mut self.journal, key).transpose())
@@ -304,8 +304,8 @@ impl CaptureOrder {
         self.photos.values().next_back().map(|(stamp, _)| *stamp)
     }
 
-    /// The place of a missing photo: the stamp of the photo before it, and the frame number that it must stay
-    /// below. `last` is the photo that was returned last.
+    /// The place of a missing photo: the stamp of the photo before it, and the upper bound of its frame number. `last` is the photo that
+    /// was returned last.
     ///
     /// A damaged photo with a known stamp keeps its place after the photo before it. If `last` is followed by a gap, the missing photo is
     /// assumed to be the one that was lost there, because a repeated run asks for its photos in the order in which they were taken. Any

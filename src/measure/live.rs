@@ -10,8 +10,7 @@ use super::{CaptureRequest, Effort, FrameSource, Times};
 use crate::error::{Error, Result};
 use crate::rig::{CameraInfo, Devices, Frame, ProjectorInfo, RawFrame};
 
-/// The largest relative difference between the exposure of a frame and the set exposure. Some cameras report the exposure as a 32-bit
-/// number.
+/// The largest relative difference between the exposure of a frame and the set exposure. Some cameras report a 32-bit number.
 const EXPOSURE_TOLERANCE: f64 = 1e-6;
 
 /// The frame source of open devices.
@@ -23,8 +22,7 @@ pub struct LiveFrames {
     shown: Option<(Arc<Frame>, f64)>,
     /// The exposure that was requested, and the exposure that the camera set.
     exposure: Option<[f64; 2]>,
-    /// The number and the start of the last new frame. The number is unknown after a restart of the camera, which may reset the camera's
-    /// numbers.
+    /// The number and the start of the last new frame. The number is unknown after the camera restarts, which may reset it.
     last: (Option<u64>, f64),
     /// The start of the session, on the rig's clock.
     opened: f64,
@@ -55,7 +53,7 @@ impl LiveFrames {
         done
     }
 
-    /// Shows `frame` unless it is already on screen. Returns the time at which it has settled.
+    /// Shows `frame` unless it is already on screen. Returns the time at which the frame has settled.
     fn show(&mut self, frame: &Arc<Frame>) -> Result<f64> {
         if let Some((shown, at)) = &self.shown
             && (Arc::ptr_eq(shown, frame) || shown == frame)
@@ -155,8 +153,8 @@ impl LiveFrames {
         Error::rig(self.devices.camera.info().name.clone(), fault).help(help)
     }
 
-    /// The error for a request whose frames were all refused. `before` is the effort before the request, and `missing` is the number of
-    /// packets that never came.
+    /// The error for a request whose frames were all refused. `before` is the effort before it, and `missing` counts packets that never
+    /// came.
     fn give_up(&self, before: &Effort, missing: u64) -> Error {
         let now = &self.effort;
         let [dropped, incomplete] = [now.dropped - before.dropped, now.incomplete - before.incomplete];

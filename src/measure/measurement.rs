@@ -111,8 +111,8 @@ impl Measurement {
         self
     }
 
-    /// Declares whether the rig is coaxial. In a coaxial rig, projector and camera have the same pose and lens, so that `A = Aᵀ`. By
-    /// default a rig is coaxial.
+    /// Declares whether the rig is coaxial. Projector and camera then have the same pose and lens, so that `A = Aᵀ`. The default is
+    /// coaxial.
     #[must_use]
     pub fn declared(mut self, symmetry: Symmetry) -> Self {
         self.symmetry = symmetry;
@@ -159,8 +159,7 @@ impl Measurement {
         Ok(self.pipeline.references()?.exposures.clone())
     }
 
-    /// The share of the camera's samples that are saturated in at least one exposure of the white photo. Shorter exposures replace these
-    /// samples.
+    /// The share of the camera's samples that are saturated in some exposure of the white photo. Shorter exposures replace these samples.
     pub fn saturated(&mut self) -> Result<f64> {
         Ok(self.pipeline.references()?.saturated)
     }
@@ -234,8 +233,8 @@ impl Measurement {
     }
 }
 
-/// The operator `y = P x` for one part and channel of a rig's matrix. Each product takes the photos that it needs. A constant `x` needs no
-/// photo.
+/// The operator `y = P x` for one part and channel of a rig's matrix. Each product takes the photos that it needs; a constant `x` needs
+/// none.
 ///
 /// The operator is symmetric if [`Measurement::symmetry`] says so, which `krylux audit` tests. A product with the transpose of a
 /// nonsymmetric matrix cannot be photographed: camera and projector would have to change places.

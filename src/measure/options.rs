@@ -23,8 +23,8 @@ pub struct MeasureOptions {
     pub compensate_rounding: bool,
     /// Exposures in seconds, the shortest first. They are merged by inverse variance. When empty, they are chosen from photos of white.
     pub exposures: Vec<f64>,
-    /// The largest number of exposures to choose. Each is four times the one before. Another exposure is added while a pixel of white is
-    /// dark.
+    /// The largest number of exposures to choose. Each exposure is four times the exposure before. Another is added while a pixel of white
+    /// is dark.
     pub brackets: u32,
     /// Frames averaged for each photo.
     pub takes: u32,
@@ -58,7 +58,7 @@ pub struct MeasureOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SignedBy {
-    /// The affine or the split form, whichever is predicted to be less noisy.
+    /// The form below, affine or split, that is predicted to be less noisy.
     Auto,
     /// One photo of `(x − a)/(b − a)`, and the white photo that was already taken (O'Toole and Kutulakos, section 7.1).
     Affine,
@@ -76,8 +76,7 @@ pub enum DitherBy {
     None,
     /// Each pixel shows the level below or above at random. The error has twice the variance and is not correlated.
     Random,
-    /// The error of each pixel is passed on to its neighbours, so that the error has only high spatial frequencies (Floyd and Steinberg
-    /// 1976).
+    /// The error of each pixel is passed on to its neighbours, so that it has only high spatial frequencies (Floyd and Steinberg 1976).
     Diffusion,
 }
 
@@ -85,7 +84,7 @@ pub enum DitherBy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DirectBy {
-    /// Shifted patterns of high frequency measure it (Nayar et al. 2006).
+    /// Shifted patterns of high spatial frequency measure the direct light (Nayar et al. 2006).
     Patterns,
     /// The direct light is not measured and cannot be removed.
     None,

@@ -46,7 +46,7 @@ pub(crate) struct ReferencePhotos {
     pub(crate) white: Arc<RateFrame>,
     /// The share of the used samples that are saturated in at least one exposure of white.
     pub(crate) saturated: f64,
-    /// White at the shortest exposure. Sentinels are compared with it.
+    /// The photo of white at the shortest exposure, with which sentinels are compared.
     reference: AveragedExposure,
 }
 

@@ -17,11 +17,10 @@ use crate::image::{Image, Resolution};
 use crate::operator::Symmetry;
 use crate::transport::Part;
 
-/// A rig that was not calibrated is refused when the light of a pattern of half light is wrong by more than this share of white.
+/// A rig that was not calibrated is refused when a photo's total light is off from proportion by more than this share of white.
 const PROPORTIONAL: f64 = 0.03;
 
-/// The least accepted correlation of a photo with the pattern that was shown. With a wrong pixel map, the correlation is 0 ± 0.13 for 64
-/// squares.
+/// The least accepted correlation of a photo with the pattern that was shown. With a wrong pixel map, it is 0 ± 0.13 for 64 squares.
 const LEAST_CORRELATION: f64 = 0.5;
 
 /// Sums over all pixels of the products of any two of these three: white `w`, white times pattern `h`, and photo `y`. The correlation of
@@ -75,13 +74,11 @@ impl Measurement {
         Ok(self.white.insert(white).clone())
     }
 
-    /// The black photo: the light without a pattern. It is taken once. When the ambient stage is switched off, the black photo is unknown,
-    /// and 0 is returned.
+    /// The black photo: the light without a pattern. It is taken once. It is unknown, and 0, if the ambient stage is off.
     pub fn ambient(&mut self) -> Result<Photo> {
         let channels = self.camera_channels();
         let references = self.pipeline.references()?;
-        // The longest exposure has the least noise where it is not saturated. The white photo has shown that the black photo is not
-        // saturated.
+        // The longest exposure has the least noise. The white photo has shown that the black photo is not saturated.
         let Some((black, variance)) = references.blacks.exposed.last().zip(references.blacks.variance.last())
         else {
             let planes = vec![Plane::zero(self.registration.projector.pixels()); channels];
@@ -155,8 +152,7 @@ impl Measurement {
         ))
     }
 
-    /// A pattern of random squares of a quarter and of three quarters of the light. Each side of the pattern has at least eight squares, if
-    /// there are enough pixels.
+    /// A pattern of random squares with a quarter or three quarters of the light, at least eight squares along each side if pixels suffice.
     fn squares(&self) -> Vec<f64> {
         let size = self.resolution();
         let side = (size.width.min(size.height) / 8).max(1);

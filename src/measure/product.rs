@@ -226,8 +226,7 @@ impl Measurement {
             None => DirectPatterns::of(&self.registration),
         };
         let (rate_frames, displayed) = match self.photographs(patterns) {
-            // Earlier versions of krylux showed squares of two or four pixels in place of codes. Runs of these versions can still be
-            // queried.
+            // Earlier versions showed squares of two or four pixels in place of codes. Their runs can still be queried.
             Err(Error::NotTaken { path, fault, help }) if patterns == DirectPatterns::Codes => self
                 .photographs(DirectPatterns::Squares(2))
                 .or_else(|_| self.photographs(DirectPatterns::Squares(4)))

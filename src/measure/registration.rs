@@ -66,7 +66,7 @@ impl Registration {
     }
 
     /// The blur that patterns and photos need so that the camera can resolve all their detail, as a standard deviation in projector pixels.
-    /// It is 1 when the camera has fewer than two pixels along a side per projector pixel, else 0.
+    /// It is 1 when the camera has fewer than two pixels per projector pixel along a side, else 0.
     ///
     /// Detail of one pixel needs two samples (the sampling theorem). With fewer samples, some detail is aliased to another pattern, which
     /// no model of direct light explains. A Gaussian of one pixel leaves 0.7 % of the detail that alternates from pixel to pixel. A camera
@@ -192,7 +192,7 @@ mod tests {
         let of_area = |side: usize| Registration::by_area(four, Resolution::new(side, side)).blur();
         // The camera pixels per 16 projector pixels are 16 (one by one), 36 and 64.
         assert_eq!([of_area(4), of_area(6), of_area(8)], [0.0, 1.0, 0.0]);
-        // Each projector pixel lies between two of the camera's.
+        // Each projector pixel lies between two camera pixels.
         let between = Registration {
             camera: Resolution::new(3, 1),
             projector: Resolution::new(2, 1),

@@ -27,16 +27,15 @@ pub(crate) struct CameraCurve {
     rounding: Vec<f64>,
     /// The linear DN without light. It is 0 when the response is corrected, and the black level otherwise.
     pub(crate) zero: f64,
-    /// The first saturated count.
+    /// The lowest saturated count.
     saturation: f64,
     gain: f64,
     read_variance: f64,
 }
 
 impl CameraCurve {
-    /// The curve of a camera with this many bits. With `undo`, black level and response are corrected. Without `undo`, counts are used as
-    /// light. Fails with [`Error::Dimension`] unless the curve has one value per count, and with [`Error::Numerical`] if gain or read noise
-    /// is invalid.
+    /// The curve of a camera with this many bits. `undo` corrects black level and response; without it, counts are used as light. Fails
+    /// with [`Error::Dimension`] unless there is one value per count, and with [`Error::Numerical`] if gain or read noise is invalid.
     pub(crate) fn new(response: &CameraResponse, bits: u32, undo: bool) -> Result<Self> {
         let counts = 1_usize << bits;
         if let Some(curve) = response.curve.as_ref().filter(|curve| curve.len() != counts) {
@@ -117,7 +116,7 @@ pub(crate) struct ProjectorCurve {
 }
 
 impl ProjectorCurve {
-    /// The curve of a projector with this many bits: the measured curve with `undo`, and a linear one without it. Fails with
+    /// The curve of a projector with this many bits: the measured curve with `undo`, and a linear curve without it. Fails with
     /// [`Error::Dimension`] unless the curve has one value per level, and with [`Error::Numerical`] unless it ascends from 0 to 1.
     pub(crate) fn new(curve: &[f64], bits: u32, undo: bool) -> Result<Self> {
         let levels = 1_usize << bits;
@@ -294,7 +293,8 @@ mod tests {
             let found = noise_ratio(&frame(1, times, 1.0), &frame(2, times, brightness), &response, 12);
             found.expect("frames of one size").expect("samples that are not saturated").ratio
         };
-        // 4096 samples give the root mean square to 1.1 %, and the tolerance is four times that. Rounding adds 1/12 to at least 25.
+        // 4096 samples give the root mean square to 1.1 %, and the tolerance is four times that. Rounding adds 1/12 to a variance of at
+        // least 25.
         assert!((ratio(1.0, 1.0) - 1.0).abs() < 0.045, "{}", ratio(1.0, 1.0));
         assert!((ratio(2.0, 1.0) - 2.0).abs() < 0.09, "{}", ratio(2.0, 1.0));
         assert!((ratio(1.0, 1.05) - 1.0).abs() < 0.045, "{}", ratio(1.0, 1.05));

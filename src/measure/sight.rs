@@ -1,5 +1,4 @@
-//! The findings about whether a rig sees its projector, and whether the projector's light is steady. They use photos of black and white
-//! that a run takes anyway.
+//! Tells whether a rig sees its projector, and whether its light is steady, from photos of black and white that a run takes anyway.
 //!
 //! | finding | from | additional frames |
 //! |---|---|---|
@@ -22,9 +21,8 @@ const SEEN: f64 = 10.0;
 /// The least share of the pixels of the pixel map that must see the projector.
 const LEAST: f64 = 0.5;
 
-/// The largest accepted share by which the light of white changes from one photo of white to the next. The photos between these two are
-/// corrected by a straight line, and the photos after the last photo of white by the continuation of this line. An error of this size may
-/// therefore remain.
+/// The largest accepted change of white's light, as a share, from one photo of white to the next. A line corrects the photos between two
+/// photos of white, and its continuation corrects the photos after the last one. An error of this size may therefore remain.
 const STEP: f64 = 0.05;
 
 impl Measurement {

@@ -5,9 +5,9 @@
 //! split    A x = p A(x⁺/p) − q A(x⁻/q),    p = max x⁺,  q = max x⁻
 //! ```
 //!
-//! Here `a` and `b` are the least and the largest value of `x`, and `x = x⁺ − x⁻`. `A 1` is the white photo, which is taken only once. The
-//! affine form costs one photo. The split form costs two photos, or one photo when `x` has only one sign. A constant `x = a` costs no
-//! photo.
+//! Here `a` and `b` are the least and the largest value of `x`, and `x⁺` and `x⁻` are its positive and negative part. `A 1` is the white
+//! photo, which is taken only once. The affine form costs one photo. The split form costs two, or one when `x` has only one sign. A
+//! constant `x` costs none.
 
 use super::options::{MeasureOptions, SignedBy};
 use super::photo_pipeline::ReferencePhotos;
@@ -23,8 +23,8 @@ pub(crate) struct Signed {
 }
 
 impl Signed {
-    /// The affine form `(x − a)/(b − a)`. `a` is the least and `b` the largest value of `x` over the pixels
-    /// that are not masked. The form is 0 at the masked pixels, like the white pattern.
+    /// The affine form `(x − a)/(b − a)`, where `a` is the least and `b` the largest value of `x` over the pixels that are not masked. At
+    /// the masked pixels, the form is 0, like the white pattern.
     pub(crate) fn affine(x: &[f64], seen: &[bool]) -> Self {
         let [a, b] = range(x, seen);
         if a == b {

@@ -86,7 +86,8 @@ impl AttachedDevices {
 }
 
 impl AttachedCamera {
-    /// A camera of this kind. `place` is its address, serial number, device file or port. `line` and `facts` begin with this place.
+    /// A camera of this kind. `place` is the camera's address, serial number, device file or port. `line` and `facts` begin with this
+    /// place.
     pub(crate) fn new(kind: CameraKind, place: Option<String>, line: String, facts: Value) -> Self {
         let lines = vec![format!("{} {line}", kind.key())];
         let mut found = Self { kind, place, lines, unknown: None, described: facts };

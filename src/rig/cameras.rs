@@ -44,7 +44,7 @@ impl CameraSpec {
 }
 
 impl CameraKind {
-    /// The name in rig files, which is also the feature that a kind of camera needs.
+    /// The kind's name in rig files, which is also the name of the feature that the kind needs.
     pub fn key(self) -> &'static str {
         match self {
             Self::Gige => "gige",
@@ -188,8 +188,8 @@ pub struct V4lSpec {
     /// Seconds to wait for a frame beyond its exposure.
     #[serde(default = "number::<1, _>")]
     pub timeout: f64,
-    /// The number of frames to discard before each photo, in addition to the frames that the driver buffers. The camera may have begun to
-    /// expose these frames too early.
+    /// The number of frames to discard before each photo, besides the frames that the driver buffers. The camera may have begun them too
+    /// early.
     #[serde(default = "number::<2, _>")]
     pub skip: u32,
 }
@@ -200,9 +200,9 @@ pub struct V4lSpec {
 pub enum V4lFormat {
     /// 8 bits of gray.
     Grey,
-    /// 10 bits of gray in 16.
+    /// 10 bits of gray in 16 bits.
     Y10,
-    /// 12 bits of gray in 16.
+    /// 12 bits of gray in 16 bits.
     Y12,
     /// 16 bits of gray.
     #[default]

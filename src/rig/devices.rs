@@ -6,7 +6,7 @@ use super::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 use crate::error::Result;
 
 /// A device that shows frames. It must implement [`Projector::info`] and [`Projector::show`]. The defaults of the other methods fit a
-/// device whose frame stays on screen until the next one is shown.
+/// device whose frame stays on screen until the next frame is shown.
 pub trait Projector: Send {
     /// The projector's properties, which do not change while the projector is open.
     fn info(&self) -> &ProjectorInfo;
@@ -97,8 +97,7 @@ impl std::ops::Add for Losses {
 /// The clock of a rig, in seconds. Hardware uses real time ([`WallClock`]), and virtual devices use simulated time. The times
 /// in a projector's confirmations and a camera's frames are read from this clock.
 pub trait Clock: Send {
-    /// Seconds since the rig was opened. The clock of a session that continues an earlier session starts at the time at which the earlier
-    /// session ended.
+    /// Seconds since the rig was opened. A session that continues an earlier session counts on from the end of the earlier session.
     fn now(&self) -> f64;
 
     /// Lets this many seconds pass. By default the thread sleeps.
@@ -130,7 +129,7 @@ pub struct Waited {
 pub struct Stamp {
     /// The frame's number.
     pub id: u64,
-    /// The end of its exposure, in seconds on the rig's clock.
+    /// The end of the frame's exposure, in seconds on the rig's clock.
     pub time: f64,
 }
 

@@ -2,8 +2,8 @@
 //! GenICam. The crate `viva-genicam` implements the protocols.
 //!
 //! Each trigger gives one frame, which has a number and a time. An [`Anchor`] relates the camera's clock to the rig's clock. [`Numbers`]
-//! converts the camera's frame numbers to numbers that increase over all sessions. The function [`set_up`] checks the camera's limits,
-//! switches automatic features off, and reads the camera's abilities.
+//! converts the camera's frame numbers to numbers that increase over all sessions. The function [`set_up`] checks the camera's limits and
+//! switches automatic features off. [`Abilities::of`] reads the camera's abilities.
 
 use std::time::Duration;
 
@@ -247,8 +247,8 @@ impl<T: TransportLayer> Camera for Triggered<T> {
     }
 }
 
-/// Half the range of a GigE Vision camera's frame numbers, which wrap around. The number has wrapped around if it is lower than the last
-/// number by more than this.
+/// Half the range of a GigE Vision camera's frame numbers, which wrap around. A number that is lower than the last by more than this has
+/// wrapped around.
 const WRAP: u64 = 1 << 15;
 
 pub(crate) struct Numbers {
@@ -288,8 +288,8 @@ const DRIFT: f64 = 1e-4;
 /// The age in seconds after which an anchor is renewed.
 const AGE: f64 = 10.0;
 
-/// The features that latch the camera's time and read it: the latch command, the latched value, and the ticks per second if the standard
-/// fixes them. The first entry belongs to SFNC 2, and the second to GigE Vision 1.
+/// The features that latch the camera's time and read it: the command, the value, and the ticks per second if the standard fixes them. The
+/// first entry belongs to SFNC 2, the second to GigE Vision 1.
 const LATCHES: [(&str, &str, Option<f64>); 2] = [
     ("TimestampLatch", "TimestampLatchValue", Some(1e9)),
     ("GevTimestampControlLatch", "GevTimestampValue", None),
@@ -343,8 +343,8 @@ fn frequency<T: RegisterIo>(camera: &Described<T>) -> Option<f64> {
     (ticks > 0).then_some(ticks as f64)
 }
 
-// The setup of a camera. After the setup, the camera takes one frame for each software trigger, its automatic features are off, and all
-// values are within its limits.
+// The setup of a camera. It makes the camera take one frame for each software trigger, switches automatic features off, and checks all
+// values.
 
 /// The largest difference between the requested gain and the gain that was set, in the camera's unit (usually decibels). It is half of the
 /// usual step of 0.1, plus a margin.

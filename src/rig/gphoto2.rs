@@ -35,12 +35,10 @@ pub struct Gphoto2 {
 }
 
 impl Gphoto2 {
-    /// Opens the camera and sets it up according to `spec`. The times of frames are read from `clock`, and their numbers begin at `after +
-    /// 1`.
+    /// Opens the camera and sets it up by `spec`. The times of frames are read from `clock`, and their numbers begin at `after + 1`.
     ///
     /// # Errors
-    /// [`Error::Rig`] when a program is not installed, when the camera of `spec` is not found, or when it does not offer a choice in
-    /// `spec`.
+    /// [`Error::Rig`] when a program is not installed, or the camera of `spec` is not found or does not offer a choice in `spec`.
     pub fn open(spec: &Gphoto2Spec, clock: WallClock, after: u64) -> Result<Self> {
         let (body, shutter) = prepare(spec)?;
         let mut camera = Self {

@@ -1,6 +1,6 @@
 //! Rigs of real devices. A [`HardwareRig`] has a monitor of an X server as its projector, and a camera. A [`ProgramRig`] has the devices of
-//! a program, for example a camera behind its maker's library. This module also recognizes that another program has opened a camera, which
-//! each kind of camera reports differently.
+//! a program, for example a camera behind its maker's library. This module also recognizes the various errors of cameras that another
+//! program has opened.
 
 use std::error::Error as Why;
 use std::io::ErrorKind;
@@ -27,8 +27,7 @@ pub struct HardwareRig {
 
 impl HardwareRig {
     /// Opens the projector and the camera. A process of `helper` first reads the camera's description ([`Self::camera_abilities`]). Another
-    /// process of `helper` holds the projector's window. Time and frame numbers continue from `after`, the last frame of an earlier
-    /// session.
+    /// process of `helper` holds the projector's window. Time and frame numbers continue from `after`, an earlier session's last frame.
     ///
     /// # Errors
     /// [`Error::Rig`] when a device is missing, is in use, or cannot do what its description says.
@@ -170,8 +169,8 @@ pub struct DeviceOpener(Arc<Mutex<OpenDevices>>);
 type OpenDevices = dyn FnMut(Option<Stamp>) -> Result<Devices> + Send;
 
 impl DeviceOpener {
-    /// An opener that calls `open` with the stamp of the last frame of an earlier session, if there is one. Time and frame numbers continue
-    /// after that frame.
+    /// An opener that calls `open` with the stamp of an earlier session's last frame, if any. Time and frame numbers continue after that
+    /// frame.
     pub fn new(open: impl FnMut(Option<Stamp>) -> Result<Devices> + Send + 'static) -> Self {
         Self(Arc::new(Mutex::new(open)))
     }
@@ -194,8 +193,8 @@ impl fmt::Debug for DeviceOpener {
     }
 }
 
-/// Parts of error messages that report a busy device without an error code, from nusb ("interface is busy") and gphoto2 ("Could not claim
-/// the USB device").
+/// Parts of messages that report a busy device without an error code: nusb ("interface is busy"), gphoto2 ("Could not claim the USB
+/// device").
 const WORDS: [&str; 3] = ["is busy", "resource busy", "could not claim"];
 
 pub(crate) fn causes<'a>(why: &'a (dyn Why + 'static)) -> impl Iterator<Item = &'a (dyn Why + 'static)> {

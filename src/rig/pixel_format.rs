@@ -14,7 +14,7 @@ use super::sensor::Tiles;
 
 macro_rules! formats {
     ($($(#[$of:meta])? $name:ident),* $(,)?) => {
-        /// The format in which a camera sends counts. Rig files have lower-case names, such as `mono12p`, but the convention's spelling is
+        /// The format in which a camera sends counts. Rig files use lower case, such as `mono12p`; the spelling of the convention is
         /// accepted too.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         #[allow(missing_docs, reason = "the convention's names are the documentation")]
@@ -110,14 +110,12 @@ mod tests {
             (F::Mono16, &[0xFF, 0xFF, 0x34, 0x12], &[65535, 0x1234]),
             // 0xABC takes the byte BC and the lower half A of the second byte. 0x123 takes the upper half 3 and the byte 12: BC 3A 12.
             (F::Mono12p, &[0xBC, 0x3A, 0x12], &[0xABC, 0x123]),
-            // The outer bytes are the high bits AB and 12. The byte between them has the low bits, C in its lower half and 3 in its upper
-            // half: AB 3C 12.
+            // The outer bytes AB and 12 are high bits. The byte between them has the low bits: C in its lower half, 3 in its upper half.
             (F::Mono12Packed, &[0xAB, 0x3C, 0x12], &[0xABC, 0x123]),
             // Ten bits each of 0x3FF, 0x000, 0x2AA and 0x155, from bit 0 on. As one number of 40 bits, they are 0101010101 1010101010
             // 0000000000 1111111111.
             (F::Mono10p, &[0xFF, 0x03, 0xA0, 0x6A, 0x55], &[0x3FF, 0x000, 0x2AA, 0x155]),
-            // 0x2AB has the high bits 0xAA and the low bits 0b11, and 0x155 has 0x55 and 0b01. The low bits are at bits 1-0 and 5-4 of the
-            // second byte.
+            // 0x2AB has the high bits 0xAA and the low bits 0b11; 0x155 has 0x55 and 0b01. The low bits are at bits 1-0 and 5-4.
             (F::Mono10Packed, &[0xAA, 0x13, 0x55], &[0x2AB, 0x155]),
             (F::BayerRG12p, &[0xBC, 0x3A, 0x12], &[0xABC, 0x123]),
             (F::BayerGB12Packed, &[0xAB, 0x3C, 0x12], &[0xABC, 0x123]),
@@ -141,7 +139,6 @@ mod tests {
             assert_eq!(format.key(), format.name().to_lowercase());
             let of_pfnc = viva_genicam::pfnc::PixelFormat::from_name(format.name());
             assert_eq!(of_pfnc.name(), Some(format.name()), "{format:?}");
-            // The first two letters after "Bayer" are the first row (PFNC 2.4, 3.1.7).
             let row = format.name().strip_prefix("Bayer").map(|rest| rest[..2].to_lowercase());
             let tiles = format.tiles().map(|tiles| tiles.letters()[..2].to_lowercase());
             assert_eq!(row, tiles, "{format:?}");

@@ -26,7 +26,7 @@ pub enum Tiles {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Colour {
-    /// Three channels: 2R, G₁ + G₂, 2B. They have one bit more than a photosite.
+    /// Three channels: 2R, G₁ + G₂, 2B. The channels have one bit more than a photosite.
     #[default]
     Rgb,
     /// One channel with all the light of the cell: R + G₁ + G₂ + B. It has two bits more than a photosite.

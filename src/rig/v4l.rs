@@ -28,7 +28,7 @@ pub struct V4l {
     clock: WallClock,
     device: Device,
     layout: FrameLayout,
-    /// The stream of frames. `None`: it has not been started, or an error has ended it.
+    /// The stream of frames. `None`: the stream has not been started, or an error has ended it.
     stream: Option<Stream<'static>>,
     /// The requested exposure, and the exposure that was set, in seconds.
     exposure: [f64; 2],
@@ -56,7 +56,7 @@ impl V4l {
         Ok(camera)
     }
 
-    /// Discards frames that may be too early, and returns the counts of the next frame. `None`: the frame is damaged.
+    /// Discards frames that may have begun too early, and returns the counts of the next frame. `None`: the frame is damaged.
     fn next(&mut self) -> std::io::Result<Option<Vec<u16>>> {
         let stream = match &mut self.stream {
             Some(stream) => stream,

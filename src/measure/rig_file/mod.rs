@@ -409,7 +409,7 @@ impl RigFile {
         Some(Calibration::load(folder).and_then(|known| known.check(&projector, &camera).map(|()| known)))
     }
 
-    /// Seconds between the confirmation of a frame and its photo: the file's value, else the calibration's, else 0.1.
+    /// Seconds between the confirmation of a frame and its photo: the file's value, else the calibration's value, else 0.1.
     pub fn settle(&self, known: Option<&Calibration>) -> f64 {
         let measured = known.map(|known| known.stability.settle);
         self.measurement.settle.or(measured).unwrap_or(CAREFUL_SETTLE)

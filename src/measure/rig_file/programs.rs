@@ -25,7 +25,7 @@ impl RigFile {
     /// Checks that the programs of the file may be run, because the file is in the user's own folder or because `allowed` is set.
     ///
     /// # Errors
-    /// [`Error::Data`] with the programs.
+    /// [`Error::Data`], which names the programs.
     pub fn require_programs_allowed(&self, allowed: bool) -> Result<()> {
         let programs = self.named_programs();
         if programs.is_empty() || allowed {

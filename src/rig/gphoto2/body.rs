@@ -1,5 +1,4 @@
-//! The setup of a still camera, in which settings are written and read back. This module also runs the necessary programs with a time
-//! limit.
+//! The setup of a still camera: settings are written and read back. This module also runs the necessary programs with a time limit.
 
 use std::fs::File;
 use std::io::ErrorKind;
@@ -18,12 +17,10 @@ use crate::rig::{AttachedCamera, CameraKind, camera_fault, did_you_mean};
 
 const ANSWER: Duration = Duration::from_secs(20);
 
-/// The possible names of the setting for the shutter speed. The first name is preferred, because the values of `shutterspeed2` are
-/// fractions.
+/// The possible names of the setting for the shutter speed. The first name is preferred, because its values are fractions.
 const SHUTTER: [&str; 2] = ["shutterspeed2", "shutterspeed"];
 
-/// The setting that says where the camera keeps photos until they are downloaded, and the chosen value. Storage on the memory card would
-/// take longer.
+/// The setting that says where the camera keeps photos until they are downloaded, and the chosen value. The memory card would take longer.
 const TARGET: [&str; 2] = ["capturetarget", "Internal RAM"];
 
 /// Lists the still cameras that `gphoto2` finds.
@@ -196,14 +193,12 @@ pub(crate) fn run(
         Some(folder) => folder,
         None => tempfile::Builder::new().prefix("krylux-").tempdir().map_err(failed)?,
     };
-    // The output goes to files. Unlike pipes, files need no reader while the program runs, and the program's children cannot hold them
-    // open.
+    // The output goes to files. Unlike pipes, files need no reader, and the program's children cannot hold them open.
     let [answer, said] = ["answer", "said"].map(|name| logs.path().join(name));
     let mut command = Command::new(program);
     command.args(arguments).current_dir(folder.path()).env("LC_ALL", "C").stdin(Stdio::null());
     command.stdout(File::create(&answer).map_err(failed)?).stderr(File::create(&said).map_err(failed)?);
-    // The program runs in a separate process group. An interrupt in the terminal therefore does not reach it, and a photo that has begun is
-    // finished.
+    // An interrupt in the terminal does not reach a separate process group, so a photo that has begun is finished.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     let mut child = command.spawn().map_err(|why| missing(program, &why))?;

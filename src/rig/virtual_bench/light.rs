@@ -1,5 +1,5 @@
-//! The two ends of the light path: the screen of a virtual projector converts levels to light, and the sensor of a virtual camera converts
-//! light to counts.
+//! The ends of the light path: a virtual projector's screen converts levels to light, and a virtual camera's sensor converts light to
+//! counts.
 
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, Poisson, StandardNormal};
@@ -100,8 +100,8 @@ pub(crate) struct VirtualSensor {
 }
 
 impl VirtualSensor {
-    /// The sensor of this camera. `white` is the light of the white photo on the sensor, with the channels one after another. It determines
-    /// the sensitivity. `None`: the white photo is dark.
+    /// The sensor of this camera. `white` is the light of the white photo on the sensor, with the channels one after another. This light
+    /// determines the sensitivity. `None`: the white photo is dark.
     pub(crate) fn new(
         spec: &VirtualCamera,
         resolution: Resolution,
@@ -159,9 +159,9 @@ impl VirtualSensor {
 
 /// A Poisson variate with this mean, or 0 if the mean is not positive.
 ///
-/// Below a mean of 12, `rand_distr` counts products of uniform variates. Above it, the crate uses the rejection method of Ahrens and
-/// Dieter, *Computer generation of Poisson deviates from modified normal distributions* (1982), doi:10.1145/355993.355997. Both methods are
-/// exact, so that dim pixels have the skew of true photon counts.
+/// Below a mean of 12, `rand_distr` counts products of uniform variates. For larger means, the crate uses the rejection method of Ahrens
+/// and Dieter, *Computer generation of Poisson deviates from modified normal distributions* (1982), doi:10.1145/355993.355997. Both methods
+/// are exact, so that dim pixels have the skew of true photon counts.
 pub fn poisson(mean: f64, random: &mut impl Rng) -> f64 {
     match Poisson::new(mean) {
         Ok(distribution) => distribution.sample(random),
@@ -254,8 +254,8 @@ mod tests {
         let spec = VirtualProjector { vignetting: 0.2, ..VirtualProjector::default() };
         let resolution = Resolution::new(401, 301);
         let light = VirtualScreen::new(&spec, resolution).emit(&Frame::filled(resolution, 1, 255)).plane(0);
-        // The centre of the corner pixel lies half a pixel inside the corner. This is less than 1 in 200 of the distance from the centre,
-        // and less than 1 in 100 of the squared distance.
+        // The centre of the corner pixel lies half a pixel inside the corner. This is less than 1 in 200 of the distance, and less than 1
+        // in 100 of its square.
         assert!((light[0] - 0.8).abs() < 0.2 * 0.012 && light[150 * 401 + 200] == 1.0);
     }
 

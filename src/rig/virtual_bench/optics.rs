@@ -1,9 +1,9 @@
 //! The camera's optics resample the photo to camera pixels by area.
 //!
 //! Each camera pixel is divided into sub-pixels. The misregistration maps the centre of a sub-pixel to the photo, and the local scale of
-//! this map gives the sides of the sub-pixel there. The value of each sub-pixel is a mean over photo pixels (squares of constant light),
-//! weighted by the area of overlap. This value is exact for shifts and scales, and its error is of second order in the rotation of a
-//! sub-pixel. Light outside the photo is 0. The resampling is linear, so it is one sparse matrix, which is built once.
+//! this map gives the sub-pixel's sides. The value of each sub-pixel is a mean over photo pixels (squares of constant light), weighted by
+//! the area of overlap. This is exact for shifts and scales, and the error is of second order in a sub-pixel's rotation. Light outside the
+//! photo is 0. The resampling is linear, so it is one sparse matrix, which is built once.
 
 use rayon::prelude::*;
 
@@ -21,8 +21,8 @@ impl VirtualCamera {
     ///
     /// Without misregistration, the camera raster and the photo raster cover the same field. A point of the camera raster then lies at a
     /// point `q` of the photo raster, in projector pixels. With misregistration, the camera point sees `H(c + (q − c)(1 + k₁ r²))`, where
-    /// `c` is the centre of the field and `r` is the distance from it, relative to the corner's distance. `H` rotates and scales about the
-    /// centre, then shifts, or it is the given homography.
+    /// `c` is the centre of the field and `r` is the distance of `q` from `c`, relative to a corner's distance. `H` rotates and scales
+    /// about the centre, then shifts, or it is the given homography.
     pub fn sees(&self, raster: Resolution, [x, y]: [f64; 2]) -> [f64; 2] {
         let centre = [raster.width as f64 / 2.0, raster.height as f64 / 2.0];
         let from_centre = [x - centre[0], y - centre[1]];
@@ -96,8 +96,7 @@ fn row(
     runs.map(|run| (run[0].0, weight * run.iter().map(|share| share.1).sum::<f64>())).collect()
 }
 
-/// Adds to `shares`, for each photo pixel, the share of a rectangle's area that lies in this pixel. `middle` is the centre of the
-/// rectangle.
+/// Adds to `shares`, for each photo pixel, the share of the area of a rectangle (with the centre `middle`) that lies in this pixel.
 fn share_out(middle: [f64; 2], sides: [f64; 2], photo: Resolution, shares: &mut Vec<(u32, f64)>) {
     let ends = [photo.width as f64, photo.height as f64];
     let spans = [0, 1].map(|axis| {

@@ -83,7 +83,7 @@ pub struct VirtualProjector {
     pub curve: Option<Vec<f64>>,
     /// The share of white that level 0 emits.
     pub black_level: f64,
-    /// The share by which the corners are darker than the centre. The light decreases with the square of the distance from the centre.
+    /// The share by which the corners are darker than the centre. The loss grows with the square of the distance from the centre.
     pub vignetting: f64,
     /// Standard deviation of the Gaussian blur, in projector pixels.
     pub blur: f64,
@@ -100,8 +100,7 @@ pub struct VirtualProjector {
     pub pulse: Pulse,
     /// Whether the projector treats its levels as video levels: of 255, levels up to 16 are black, and levels from 235 on are white.
     pub limited_range: bool,
-    /// The share of the frame's width and height that is cut off, half of it at each end. The remaining part is stretched to the full
-    /// field.
+    /// The share of the frame's width and height that is cut off, half of it at each end. The remainder is stretched to the full field.
     pub overscan: f64,
 }
 
@@ -158,8 +157,7 @@ pub struct VirtualCamera {
     pub read_noise: f64,
     /// Electrons per second without light.
     pub dark_current: f64,
-    /// The share by which the corners are less sensitive than the centre. The sensitivity decreases with the square of the distance from
-    /// the centre.
+    /// The share by which the corners are less sensitive than the centre. The loss grows with the square of the distance from the centre.
     pub vignetting: f64,
     /// Standard deviation of the Gaussian blur of the camera's lens, in camera pixels.
     pub blur: f64,
@@ -179,8 +177,7 @@ pub struct VirtualCamera {
     pub timeout: f64,
     /// The response of each camera channel (row) to each projector channel (column). `None`: the identity.
     pub crosstalk: Option<[[f64; 3]; 3]>,
-    /// The shift of the camera's view to the right and down, in projector pixels. [`VirtualCamera::sees`] describes the complete
-    /// misregistration.
+    /// The shift of the camera's view to the right and down, in projector pixels (see [`VirtualCamera::sees`]).
     pub shift: [f64; 2],
     /// The rotation in degrees, clockwise in the picture.
     pub rotation: f64,
@@ -233,14 +230,14 @@ fn response(gamma: Option<f64>, curve: Option<&Vec<f64>>) -> Response {
 }
 
 impl VirtualProjector {
-    /// Light as a function of the level without the black level, both from 0 to 1.
+    /// The emitted light, without the black level, as a function of the level. Both go from 0 to 1.
     pub fn response(&self) -> Response {
         response(self.gamma, self.curve.as_ref())
     }
 }
 
 impl VirtualCamera {
-    /// The count as a function of the electrons, both from 0 to 1.
+    /// The count as a function of the electrons. Both go from 0 to 1.
     pub fn response(&self) -> Response {
         response(self.gamma, self.curve.as_ref())
     }
@@ -307,9 +304,8 @@ pub struct Splitter {
     pub ghost: f64,
     /// The displacement of the second image to the right and down, in projector pixels.
     pub ghost_shift: [f64; 2],
-    /// The projector's light that reaches all camera pixels evenly without the scene, for instance because a light trap reflects. The stray
-    /// light of a white frame is this share of the mean of the white photo. The stray light of another frame is proportional to that
-    /// frame's mean light.
+    /// The projector's light that reaches all camera pixels evenly without the scene, for instance because a light trap reflects. For a
+    /// white frame, the stray light is this share of the mean of the white photo. In general, it is proportional to the frame's mean light.
     pub stray: f64,
 }
 

@@ -25,8 +25,7 @@ pub(crate) struct Change {
     pub(crate) asked: f64,
     pub(crate) confirmed: f64,
     pub(crate) appears: f64,
-    /// The new frame's light on the sensor: one entry for all colours, or three entries for red, green and blue if a wheel shows them in
-    /// turn.
+    /// The new frame's light on the sensor: one entry for all colours, or three for red, green and blue if a wheel shows them in turn.
     pub(crate) light: Vec<SeenLight>,
     /// The brightness of the iris when the light appears, and the brightness that it approaches.
     pub(crate) iris: [f64; 2],
@@ -188,7 +187,7 @@ impl VirtualWorld {
         shares
     }
 
-    /// The projector's mean brightness during an exposure, relative to its brightness at the beginning.
+    /// The projector's mean brightness during an exposure, relative to its brightness at time 0.
     fn brightness(&self, middle: f64, exposure: f64) -> f64 {
         let drift = &self.rig.drift;
         let trend = (1.0 + drift.per_hour * middle / 3600.0).max(0.0);
@@ -235,7 +234,7 @@ impl Iris {
         if self.time == 0.0 { target } else { target + (start - target) * (-seconds / self.time).exp() }
     }
 
-    /// The mean brightness from one time to a later one, both in seconds after the frame appeared.
+    /// The mean brightness from one time to a later time, both in seconds after the frame appeared.
     pub(crate) fn mean(&self, [start, target]: [f64; 2], from: f64, until: f64) -> f64 {
         if self.time == 0.0 || from.is_infinite() {
             return target;

@@ -26,8 +26,8 @@ static DECLARED: OnceLock<PathBuf> = OnceLock::new();
 pub struct Helper {
     /// The `krylux` program.
     pub program: PathBuf,
-    /// The longest wait for an answer, 15 s by default. It must exceed the helper's own wait of 5 s for the X server, so that the helper
-    /// can report a failure.
+    /// The longest wait for an answer, 15 s by default. This wait must exceed the helper's own wait of 5 s for the X server, so that the
+    /// helper can report a failure.
     pub patience: Duration,
 }
 

@@ -132,7 +132,7 @@ pub struct MonitorInfo {
     pub resolution: Resolution,
     /// The position of the top left pixel on the server's screen, to the right and down, in pixels.
     pub place: [i16; 2],
-    /// Whether it is the desktop's primary monitor.
+    /// Whether the monitor is the desktop's primary monitor.
     #[serde(rename = "primary")]
     pub is_primary: bool,
     /// Seconds from one refresh to the next, if the server reports it.

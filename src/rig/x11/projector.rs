@@ -1,5 +1,5 @@
 //! The projector of a rig. The projector sends requests to the helper process, and starts another process when the helper fails. Each
-//! message in either direction consists of a JSON header and raw bytes. The lengths of both, as little-endian 32-bit numbers, precede them.
+//! message in either direction consists of two lengths as little-endian 32-bit numbers, a JSON header, and raw bytes.
 
 use std::io;
 use std::io::{Read, Write};
@@ -154,8 +154,7 @@ impl Process {
     fn start(helper: &Helper) -> std::result::Result<Self, String> {
         let mut command = Command::new(&helper.program);
         command.arg("projector").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::inherit());
-        // The helper runs in a separate process group. An interrupt in the terminal therefore reaches only the run, and the run ends the
-        // helper.
+        // An interrupt in the terminal does not reach a separate process group. It reaches only the run, which ends the helper.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command.spawn().map_err(|why| why.to_string())?;

@@ -101,8 +101,8 @@ impl Screen {
         Ok(screen)
     }
 
-    /// Shows a frame, which must fit the monitor. On return, the server has confirmed the frame, the settle refreshes have passed, and the
-    /// frame has been read back.
+    /// Shows a frame, which must fit the monitor. On return, the frame has been confirmed and read back, and the settle refreshes have
+    /// passed.
     pub(crate) fn show(&mut self, frame: &Frame) -> Result<ShowTimes> {
         let began = Instant::now();
         self.watch.look(&self.connection)?;
@@ -146,8 +146,8 @@ impl Screen {
         if settles {
             self.await_refresh(confirmed.refresh + self.spec.settle_frames)?;
         }
-        // The frame is read back while the refreshes pass. A window that covers the projector's window before the frame is read back causes
-        // an event. `confirm` finds, after the photo, a window that covers it later.
+        // The frame is read back while the refreshes pass. A window that covers the projector's window earlier causes an event. `confirm`
+        // finds, after the photo, a window that covers it later.
         let is_there = self.difference(&picture)?.is_none();
         let verified = began.elapsed();
         if settles {
