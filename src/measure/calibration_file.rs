@@ -148,7 +148,7 @@ impl Calibration {
         Ok(calibration)
     }
 
-    /// The BLAKE3 hash of the whole calibration. It is part of the key of every journaled photo.
+    /// The BLAKE3 hash of the complete calibration, which is part of the key of every journaled photo.
     pub fn identity(&self) -> [u8; 32] {
         let mut hasher = blake3::Hasher::new();
         hasher.update(self.head().as_bytes());

@@ -10,8 +10,8 @@
 //! y_m = S (d ∘ u_m) + g,      minimise over d:  Σ_m ‖y_m − ȳ − S (d ∘ (u_m − ū))‖²
 //! ```
 //!
-//! Here `ȳ` and `ū` are the means over the patterns. The patterns enter *as shown*, after rounding to levels. Without `S`, the fit is `d =
-//! Σ_m (u_m − ū) y_m / Σ_m (u_m − ū)²`. The blur `K` is the Gaussian with the least residual of this fit, over all pixels, photos and
+//! Here `ȳ` and `ū` are the means over the patterns. The patterns enter *as shown*, after rounding to levels. Without `S`, the fit is
+//! `d = Σ_m (u_m − ū) y_m / Σ_m (u_m − ū)²`. The blur `K` is the Gaussian with the least residual of this fit, over all pixels, photos and
 //! channels. A residual larger than the noise of the photos shows that the model is wrong at a pixel, for example because the global light
 //! changes from square to square. Such a residual counts as an error of `d`.
 //!
@@ -372,7 +372,7 @@ mod tests {
             let patterns = DirectPatterns::Squares(side).shown(resolution, &[true; 63]);
             for pixel in 0..63 {
                 let light: f64 = patterns.iter().map(|pattern| pattern[pixel]).sum();
-                // When the step does not divide the side of a square, a pixel is lit in one pattern more or less.
+                // When the step does not divide the side of a square, a pixel may be lit in more or fewer than half of the patterns.
                 assert!((2.0 * light - patterns.len() as f64).abs() <= 2.0 * side as f64, "{side} {pixel}");
                 assert!(light > 0.0 && light < patterns.len() as f64);
             }

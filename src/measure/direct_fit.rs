@@ -168,7 +168,7 @@ const SHARE_STEP: f64 = 0.002;
 /// The side of a part of the picture, in pixels. Light by way of other surfaces is alike over several pixels.
 const PART: usize = 8;
 
-/// The standard error of the blur, and the dependence of direct light on it.
+/// The standard error of the blur, and the dependence of direct light on the blur.
 #[derive(Clone, Debug)]
 pub(crate) struct BlurDoubt {
     pub(crate) resolution: Resolution,

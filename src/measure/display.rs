@@ -96,7 +96,7 @@ impl PatternDisplay {
         Displayed { frame: Arc::clone(frame), light: self.curves.iter().enumerate().map(plane).collect() }
     }
 
-    /// Lets `levels` choose the levels of each channel. Returns their frame and the light that it shows.
+    /// Lets `levels` choose the levels of each channel. Returns the frame with these levels and the light that the frame shows.
     fn quantize(
         &self,
         target: &[Vec<f64>],

@@ -52,7 +52,7 @@ pub(crate) fn corners(map: &LensMap, pixel: usize) -> [[f64; 2]; 4] {
     [[x, y], [x + 1.0, y], [x + 1.0, y + 1.0], [x, y + 1.0]].map(|corner| map.to_projector(corner))
 }
 
-/// The projector pixels (column, row) near a camera pixel with these corners, and the areas of their overlap with it.
+/// The projector pixels (column, row) near a camera pixel with these corners, and the areas of their overlap with the camera pixel.
 pub(crate) fn overlapped(
     corners: [[f64; 2]; 4],
     projector: Resolution,

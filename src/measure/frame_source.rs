@@ -66,8 +66,8 @@ pub trait FrameSource: Send {
     /// The camera.
     fn camera(&self) -> &CameraInfo;
 
-    /// Takes the requested photo, or returns the earlier one. The frame was exposed with the requested frame on screen, and was never
-    /// returned for another request.
+    /// Takes the requested photo, or returns the earlier photo of an equal request. The frame was exposed with the requested frame on
+    /// screen, and was never returned for another request.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when the rig does not recover; [`Error::Interrupted`](crate::Error::Interrupted) when the user
@@ -86,7 +86,7 @@ pub trait FrameSource: Send {
     /// photos of one frame after different times must differ in `take`. A journal without a rig ignores this setting.
     fn set_settle(&mut self, seconds: f64);
 
-    /// The costs so far.
+    /// The costs of the session so far.
     fn effort(&self) -> Effort;
 }
 

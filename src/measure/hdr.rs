@@ -1,4 +1,5 @@
-//! From takes at several exposures to one photo: averaging, ambient light, and merging (O'Toole and Kutulakos, sections 7.2 and 8.2).
+//! From repeated frames at several exposures to one photo: averaging, ambient light, and merging (O'Toole and Kutulakos, sections 7.2 and
+//! 8.2).
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -9,7 +10,8 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::Frame;
 
-/// The mean of several takes at one exposure. Values are samples of the camera, interleaved as in [`crate::rig::RawFrame`].
+/// The mean of several takes (repeated frames) at one exposure. Values are samples of the camera, interleaved as in
+/// [`crate::rig::RawFrame`].
 #[derive(Clone, Debug)]
 pub(crate) struct AveragedExposure {
     /// The exposure of one take, in seconds.
@@ -107,7 +109,7 @@ pub(crate) struct BlackPhotos {
 //
 // The formula takes the variance of the *expected* count `B_e + R t_e`, which follows from the merged rate, instead of the variance of the
 // measured sample. A sample that is low by chance would have a lower variance and so a greater weight, and the result would be low by about
-// one DN. Weights by the merged rate have no bias to first order: `w_e var R_e` is the same for all exposures. The merged rate is thus
+// one DN. Weights from the merged rate have no bias to first order: `w_e var R_e` is the same for all exposures. The merged rate is thus
 // equally correlated with all exposures, and the changes of the weights add up to 0.
 //
 // Saturated samples never enter the sum. Samples of a pixel that is *expected* to saturate do not enter either, because only samples that
@@ -129,7 +131,7 @@ pub(crate) struct RateFrame {
     pub(crate) variance: Vec<f64>,
     /// The subtracted share of each exposure's black rate, one plane per exposure. It is `None` for a single exposure, whose share is 1.
     pub(crate) shares: Option<Vec<Vec<f64>>>,
-    /// The factor of the drift correction. The shares must be multiplied by it.
+    /// The factor of the drift correction. The shares must be multiplied by this factor.
     pub(crate) scale: f64,
 }
 

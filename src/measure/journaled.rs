@@ -144,7 +144,7 @@ impl<'a> JournaledFrames<'a> {
     /// Takes a photo with the rig in its state after the photo of stamp `after`.
     fn take(&mut self, request: &CaptureRequest, after: Option<Stamp>) -> Result<(RawFrame, Stamp)> {
         if self.inner.as_ref().is_none_or(|(_, stamp)| *stamp != after) {
-            // The old rig is closed before the new one is opened.
+            // The old rig is closed before the new rig is opened.
             if let Some((inner, _)) = self.inner.take() {
                 self.effort = journal_records::sum(&self.effort, &inner.effort());
             }
@@ -222,7 +222,8 @@ impl FrameSource for JournaledFrames<'_> {
         let (after, before) = self.order.place(key, self.last);
         let (mut frame, mut stamp) = self.take(request, after)?;
         if before.is_some_and(|next| stamp.id >= next) {
-            // The frame number does not fit into the gap, so the photo cannot replace the lost one. It is taken at the end.
+            // The frame number does not fit into the gap, so the photo cannot replace the lost photo. The photo is taken again, after the
+            // last photo.
             (frame, stamp) = self.take(request, self.order.last())?;
         }
         frame.check()?;
@@ -308,7 +309,7 @@ impl CaptureOrder {
     /// was returned last.
     ///
     /// A damaged photo with a known stamp keeps its place after the photo before it. If `last` is followed by a gap, the missing photo is
-    /// assumed to be the one that was lost there, because a repeated run asks for its photos in the order in which they were taken. Any
+    /// assumed to be the photo that was lost there, because a repeated run asks for its photos in the order in which they were taken. Any
     /// other photo is new and comes after all others.
     pub(crate) fn place(&self, key: Key, last: Option<Stamp>) -> (Option<Stamp>, Option<u64>) {
         let lost = self.photos.values().find(|(_, known)| *known == key).map(|(stamp, _)| stamp.id);

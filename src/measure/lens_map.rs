@@ -138,7 +138,7 @@ mod tests {
 
     const P: [f64; PARAMETERS] = [1.1, 0.2, 0.05, -0.15, 0.9, -0.1, 0.3, -0.25, -0.2, 0.1];
 
-    /// The distortion at (0.6, −0.8), where r = 1, is 0.9. The distorted point is (0.54, −0.72), at a depth of 1.342.
+    /// The distortion at (0.6, −0.8), where r = 1, is 0.9. The distorted point is (0.54, −0.72), with a homogeneous coordinate of 1.342.
     #[test]
     fn a_point_is_distorted_then_mapped_and_both_as_written_above() {
         let (at, _) = evaluate(&P, [0.6, -0.8]);
@@ -178,7 +178,7 @@ mod tests {
         assert_eq!(denormalized([0.8, -0.6], raster), [8.0, 0.0]);
         let (camera, homography) = (raster, [1.0, 0.0, 0.1, 0.0, 1.0, -0.2, 0.0, 0.0]);
         let map = LensMap { camera, projector: Resolution::new(16, 12), homography, distortion: [0.0; 2] };
-        // The map doubles, then shifts by a tenth of ten pixels to the right and by two pixels up.
+        // The map doubles coordinates, then shifts points by a tenth of ten pixels to the right and by two pixels up.
         assert_eq!(map.to_projector([4.0, 3.0]), [9.0, 4.0]);
     }
 

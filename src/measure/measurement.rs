@@ -36,7 +36,7 @@ pub struct Measurement {
     symmetry: Symmetry,
     /// The photo of the brightest frame, with one plane for each of the camera's channels.
     pub(crate) full_white: Option<Arc<Vec<Plane>>>,
-    /// The photo under even white.
+    /// The photo of white after the projector's uneven brightness is corrected.
     pub(crate) white: Option<Photo>,
     pub(crate) direct: Option<Arc<DirectMatrix>>,
     pub(crate) last: Option<Plane>,
@@ -144,7 +144,7 @@ impl Measurement {
         &self.seen
     }
 
-    /// The costs so far.
+    /// The costs of the session so far.
     pub fn effort(&self) -> Effort {
         self.pipeline.frames.effort()
     }
@@ -164,7 +164,7 @@ impl Measurement {
         Ok(self.pipeline.references()?.saturated)
     }
 
-    /// The drift of the lamp, measured by the sentinels.
+    /// The drift of the lamp, measured by sentinels (repeated photos of white).
     pub fn drift(&mut self) -> Result<DriftReport> {
         self.pipeline.references()?;
         Ok(self.pipeline.drift.report())
@@ -233,8 +233,8 @@ impl Measurement {
     }
 }
 
-/// The operator `y = P x` for one part and channel of a rig's matrix. Each product takes the photos that it needs; a constant `x` needs
-/// none.
+/// The operator `y = P x`, where `P` is one part and one channel of a rig's matrix. Each product takes the photos that it needs; a constant
+/// `x` needs none.
 ///
 /// The operator is symmetric if [`Measurement::symmetry`] says so, which `krylux audit` tests. A product with the transpose of a
 /// nonsymmetric matrix cannot be photographed: camera and projector would have to change places.

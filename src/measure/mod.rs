@@ -11,7 +11,7 @@
 //! |---|---|---|
 //! | `live` | waits until the light has settled, and distinguishes new frames from old ones | |
 //! | `response` | converts counts to light with its noise, and light to levels | 8.1 |
-//! | `exposure`, `hdr` | choose exposures, average takes, subtract the black photo, merge by inverse variance | 7.2, 8.2 |
+//! | `exposure`, `hdr` | choose exposures, average repeated frames, subtract the black photo, merge by inverse variance | 7.2, 8.2 |
 //! | `photo_pipeline` | divides photos by the lamp's brightness, which a sentinel measures | |
 //! | `sight` | tells whether the camera sees the projector's white, and whether this white is steady | |
 //! | `registration`, `footprint`, `spread` | resample photos to projector pixels, with the noise of any sum of photos | 8.1 |
@@ -20,8 +20,8 @@
 //! | `direct`, `direct_fit` | measure the direct light, and remove it for the pattern that was actually shown | |
 //! | `product` | puts products together from photos, with a blur of pattern and photo | |
 //!
-//! Photos are in linear DN per second for a full-range pattern. The value 1 of a pattern is the light of the projector's brightest level minus
-//! the light of its black level. Every value of a photo has a variance, which is propagated from the variance of a sample:
+//! Photos are in linear DN per second for a full-range pattern. The value 1 of a pattern is the light of the projector's brightest level
+//! minus the light of its black level. Every value of a photo has a variance, which is propagated from the variance of a sample:
 //! `linear DN / gain + read_noise² + 1/12`.
 
 mod calibration;

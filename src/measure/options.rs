@@ -116,7 +116,7 @@ impl Default for MeasureOptions {
     }
 }
 
-/// The largest number of takes of one frame. Larger take numbers, starting at this one, belong to the sentinels.
+/// The largest number of takes (repeated photos) of one frame. Take numbers from this number on belong to the sentinels.
 pub(crate) const MOST_TAKES: u32 = 65_536;
 
 impl MeasureOptions {
@@ -178,7 +178,7 @@ pub struct RigRecord {
     /// The relative standard error of the white photo.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub noise: Option<f64>,
-    /// The largest relative change of white during the run, measured by the sentinels.
+    /// The largest relative change of white during the run, measured by repeated photos of white.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub drift: Option<f64>,
     /// Findings from the photos: whether the rig sees the projector, whether its light is steady, and whether light travels alike in both

@@ -21,7 +21,7 @@ pub(crate) struct PhotoPipeline {
     pub(crate) curve: CameraCurve,
     /// Whether each camera pixel is used by some projector pixel.
     pub(crate) used: Vec<bool>,
-    /// The frame that lights every pixel that is not masked.
+    /// The frame that lights every projector pixel that the camera sees.
     pub(crate) white: Arc<Frame>,
     pub(crate) black: Arc<Frame>,
     pub(crate) options: MeasureOptions,
@@ -34,7 +34,7 @@ pub(crate) struct PhotoPipeline {
     since_white: u32,
     /// The number of sentinels between the run's patterns. Sentinels at an end of the run do not count.
     sentinels: u32,
-    /// The take of the last sentinel at an end of the run.
+    /// The take number of the last sentinel at an end of the run.
     last: Option<u32>,
 }
 
@@ -51,8 +51,8 @@ pub(crate) struct ReferencePhotos {
 }
 
 impl PhotoPipeline {
-    /// The pipeline of the frames of a rig. `used` tells for each camera pixel whether some projector pixel uses it, and `white` lights every
-    /// pixel that is not masked.
+    /// The pipeline of the frames of a rig. `used` tells for each camera pixel whether some projector pixel uses it, and `white` lights
+    /// every projector pixel that the camera sees.
     pub(crate) fn new(
         frames: Box<dyn FrameSource>,
         curve: CameraCurve,
@@ -95,7 +95,7 @@ impl PhotoPipeline {
     }
 
     /// Takes a sentinel at the end of a run's photos, unless no pattern was shown since the last photo of white. A run that continues with
-    /// more patterns takes its other sentinels as if this one had not been taken.
+    /// more patterns takes its other sentinels as if this sentinel had not been taken.
     pub(crate) fn look_again(&mut self) -> Result<()> {
         let take = 2 * MOST_TAKES + self.shown.len() as u32;
         if self.since_white > 0 && self.last != Some(take) {

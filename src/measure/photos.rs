@@ -231,7 +231,7 @@ impl Measurement {
         Ok(Arc::clone(self.full_white.insert(white)))
     }
 
-    /// `Σ coefficient · photo + white · A 1` for each of the camera's channels.
+    /// The sum `Σ coefficient · photo + white · A 1` for each of the camera's channels.
     pub(crate) fn sums(&mut self, terms: &[PhotoTerm], white: f64) -> Result<Vec<Plane>> {
         (0..self.camera_channels()).map(|channel| self.sum(terms, white, channel)).collect()
     }

@@ -31,7 +31,7 @@ pub(crate) struct PhotoTerm {
 }
 
 impl Measurement {
-    /// The product `A x` with its variance, for one part and channel.
+    /// The product of `x` with one part and one channel of the rig's matrix, and the variance of each entry.
     pub(crate) fn product(&mut self, part: Part, channel: usize, x: &[f64]) -> Result<&Plane> {
         self.check_length("entries of the vector to multiply", x.len())?;
         if x.iter().any(|value| !value.is_finite()) {
@@ -158,7 +158,7 @@ impl Measurement {
         planes.into_iter().map(term).collect()
     }
 
-    /// `Σ coefficient · photo + white · A 1` for one channel of the camera.
+    /// The sum `Σ coefficient · photo + white · A 1` for one channel of the camera.
     pub(crate) fn sum(&mut self, terms: &[PhotoTerm], white: f64, channel: usize) -> Result<Plane> {
         let channels = self.camera_channels();
         let references = self.pipeline.references()?;

@@ -66,7 +66,7 @@ impl Registration {
     }
 
     /// The blur that patterns and photos need so that the camera can resolve all their detail, as a standard deviation in projector pixels.
-    /// It is 1 when the camera has fewer than two pixels per projector pixel along a side, else 0.
+    /// The blur is 1 when the camera has fewer than two pixels per projector pixel along a side, else 0.
     ///
     /// Detail of one pixel needs two samples (the sampling theorem). With fewer samples, some detail is aliased to another pattern, which
     /// no model of direct light explains. A Gaussian of one pixel leaves 0.7 % of the detail that alternates from pixel to pixel. A camera
@@ -173,7 +173,7 @@ mod tests {
         let mut halved = photo(8.0, 4.0, None);
         halved.scale(0.5);
         assert_eq!(sum(&[&halved], &[1.0], &[16.0]), [4.0, 1.0 + 4.0]);
-        // In the difference of two photos, the black photo cancels without drift. With drift, a part of it is left.
+        // In the difference of two photos, the black photo cancels without drift. With drift, a part of the black photo is left.
         let other = photo(3.0, 1.0, None);
         assert_eq!(sum(&[&other, &other], &[1.0, -1.0], &[16.0]), [0.0, 2.0]);
         assert_eq!(sum(&[&other, &halved], &[1.0, -1.0], &[16.0]), [-1.0, 1.0 + 1.0 + 0.25 * 16.0]);

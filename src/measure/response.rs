@@ -91,7 +91,7 @@ impl CameraCurve {
     }
 
     /// The variance, in linear DN², of a sample whose *expected* value is `expected` linear DN. `rounding` is the rounding variance of its
-    /// count. The measured value must not replace the expected one: samples that are low by chance would then seem more certain.
+    /// count. The measured value must not replace the expected value: samples that are low by chance would then seem more certain.
     pub(crate) fn variance(&self, expected: f64, rounding: f64) -> f64 {
         let dark = self.read_variance + rounding;
         ((expected - self.zero) / self.gain + dark).max(LEAST_VARIANCE * dark)

@@ -22,7 +22,7 @@ const SEEN: f64 = 10.0;
 const LEAST: f64 = 0.5;
 
 /// The largest accepted change of white's light, as a share, from one photo of white to the next. A line corrects the photos between two
-/// photos of white, and its continuation corrects the photos after the last one. An error of this size may therefore remain.
+/// photos of white, and its continuation corrects the photos after the last photo of white. An error of this size may therefore remain.
 const STEP: f64 = 0.05;
 
 impl Measurement {
@@ -156,8 +156,8 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
-    /// The finding of a bench of eight by eight pixels. `noise`, `room` and `white` are counts of noise, of room light and of white. Room
-    /// light changes by the share `change` from photo to photo.
+    /// The finding about a simulated rig of eight by eight pixels. `noise`, `room` and `white` are counts of noise, of room light and of
+    /// white. Room light changes by the share `change` from photo to photo.
     fn found(seed: u64, [noise, room, white, change]: [f64; 4], options: &MeasureOptions) -> Finding {
         let mut random = Pcg64::seed_from_u64(seed);
         let photo = move |request: &CaptureRequest, _| {

@@ -86,7 +86,7 @@ pub(crate) struct NoisePrediction<'a> {
     pub(crate) curve: &'a CameraCurve,
     pub(crate) options: &'a MeasureOptions,
     pub(crate) references: &'a ReferencePhotos,
-    /// The weight of each camera pixel's variance in the total.
+    /// The weight of each camera pixel's variance in the total variance.
     pub(crate) importance: &'a [f64],
     /// The camera's channels that make up the measured channel, and their weights.
     pub(crate) channel_weights: &'a [(usize, f64)],

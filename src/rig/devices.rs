@@ -18,7 +18,7 @@ pub trait Projector: Send {
     /// [`Error::Rig`](crate::Error::Rig) when the frame does not fit the device (see [`ProjectorInfo::check`]), or the device fails.
     fn show(&mut self, frame: &Frame) -> Result<Shown>;
 
-    /// How long the last [`Projector::show`] waited for refreshes. The default is 0, which means unknown.
+    /// The time that the last [`Projector::show`] waited for refreshes. The default is 0, which means unknown.
     fn waited(&self) -> Waited {
         Waited::default()
     }
@@ -120,7 +120,7 @@ pub struct Shown {
 pub struct Waited {
     /// The wait until the refresh that brought the frame to the screen.
     pub refresh: f64,
-    /// The wait for the settle refreshes after that refresh.
+    /// The wait for further refreshes until the frame counts as shown.
     pub settle: f64,
 }
 

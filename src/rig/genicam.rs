@@ -218,7 +218,7 @@ impl<T: TransportLayer> Camera for Triggered<T> {
         let (frame, times) = match self.frame(exposure) {
             Ok(Some(came)) => came,
             Ok(None) => return Ok(None),
-            // The camera does not answer, or another program holds it. The next restart opens it again, or fails.
+            // The camera does not answer, or another program holds it. The next restart opens the camera again, or fails.
             Err(_) => {
                 self.close();
                 return Ok(None);

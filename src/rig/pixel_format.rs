@@ -73,7 +73,7 @@ impl<'de> Deserialize<'de> for PixelFormat {
 
 #[cfg(any(feature = "gige", feature = "usb3"))]
 impl PixelFormat {
-    /// Unpacks a frame of `width` by `height` photosites to counts, row by row. A row begins `stride` bytes after the previous one (`None`:
+    /// Unpacks a frame of `width` by `height` photosites to counts, row by row. A row begins `stride` bytes after the previous row (`None`:
     /// without a gap). The result is `None` if there are too few bytes.
     pub(crate) fn counts(
         self,

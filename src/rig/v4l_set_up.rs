@@ -156,7 +156,7 @@ fn known(formats: &[[u8; 4]]) -> String {
     formats.iter().map(|&code| letters(code)).collect::<Vec<_>>().join(", ")
 }
 
-/// The counts of a frame of `width` by `height` pixels, row by row. A row begins `stride` bytes after the previous one. `None`: there are
+/// The counts of a frame of `width` by `height` pixels, row by row. A row begins `stride` bytes after the previous row. `None`: there are
 /// too few bytes.
 ///
 /// The layouts follow the kernel's documentation (V4L2_PIX_FMT_GREY, _Y10, _Y12, _Y16, _YUYV). Counts of more than 8 bits take 16 bits, low

@@ -267,7 +267,7 @@ impl RigFile {
     ///
     /// # Errors
     /// [`Error::Read`] when the file cannot be read; [`Error::Data`] when it is invalid. The error names the line or the key, the valid
-    /// values, and the known name that is most similar to an unknown one.
+    /// values, and the known name that is most similar to an unknown name.
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = crate::file::read(path)?;
         Self::from_bytes(path, &bytes)

@@ -2,7 +2,7 @@
 //!
 //! The window lives in a separate process. A crash or a hang of the X connection, or an interrupt in the terminal, therefore does not end
 //! the measurement. The process is always the `krylux` program, started as `krylux projector`. A program other than krylux never starts
-//! itself as the helper: it names the `krylux` program, or [`Helper::find`] searches for it.
+//! itself as the helper: such a program names the `krylux` program, or [`Helper::find`] searches for it.
 
 use std::ffi::OsString;
 use std::io::{Read, Write};
@@ -147,7 +147,7 @@ pub fn serve_projector(mut from: impl Read, mut to: impl Write) -> std::io::Resu
 fn answer(screen: &mut Option<Screen>, request: Request, payload: &[u8]) -> Result<ShowTimes> {
     match (request, screen) {
         (Request::Open(spec), screen) => {
-            // The old window is closed before a new one opens.
+            // The old window is closed before a new window opens.
             *screen = None;
             *screen = Some(Screen::open(&spec)?);
             Ok(ShowTimes::default())

@@ -226,7 +226,7 @@ pub struct ShowTimes {
     pub draw: f64,
     /// Time to wait for the server's confirmation.
     pub present: f64,
-    /// Time to wait for the settle refreshes after the frame has been read back.
+    /// Time to wait for further refreshes after the frame has been read back.
     pub settle: f64,
     /// Time to read the frame back, which happens while refreshes pass.
     pub verify: f64,

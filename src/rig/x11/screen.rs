@@ -101,7 +101,7 @@ impl Screen {
         Ok(screen)
     }
 
-    /// Shows a frame, which must fit the monitor. On return, the frame has been confirmed and read back, and the settle refreshes have
+    /// Shows a frame, which must fit the monitor. On return, the frame has been confirmed and read back, and `settle_frames` refreshes have
     /// passed.
     pub(crate) fn show(&mut self, frame: &Frame) -> Result<ShowTimes> {
         let began = Instant::now();
@@ -240,7 +240,7 @@ impl Screen {
         };
         let mut found: Option<Difference> = None;
         let mut coming = None;
-        // One band is compared while the next one is in transit.
+        // One band is compared while the next band is in transit.
         for band in drawn.bands().map(Some).chain([None]) {
             let next = band.map(ask).transpose()?;
             let Some((top, height, asked)) = std::mem::replace(&mut coming, next) else { continue };

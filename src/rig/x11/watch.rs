@@ -42,7 +42,7 @@ pub(crate) struct Completed {
     serial: u32,
     /// Whether the server confirms a frame. Otherwise it reports a refresh.
     of_frame: bool,
-    /// Whether the frame was skipped in favour of a later one.
+    /// Whether the frame was skipped in favour of a later frame.
     pub(crate) skipped: bool,
     pub(crate) refresh: u64,
 }
