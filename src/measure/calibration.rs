@@ -7,9 +7,9 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::{CameraInfo, ProjectorInfo};
 
-/// The calibration of a rig: everything that converts counts into light, and patterns into levels.
+/// The calibration of a rig: the data for the conversion of counts to light and of patterns to levels.
 ///
-/// `krylux rig calibrate` and the room `calibrate` measure a calibration. [`Calibration::ideal`] describes devices without imperfections.
+/// `krylux rig calibrate` and the module `calibrate` measure a calibration. [`Calibration::ideal`] describes devices without imperfections.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
     /// The projector that was calibrated.
@@ -34,7 +34,7 @@ pub struct Calibration {
 pub struct CameraResponse {
     /// The count without light.
     pub black: f64,
-    /// Counts of at least this value are saturated. They never enter a result.
+    /// Counts of at least this value are saturated. Saturated counts never enter a result.
     pub saturation: f64,
     /// Electrons per linear DN. The variance of the shot noise is `linear DN / gain`.
     pub gain: f64,
@@ -45,21 +45,21 @@ pub struct CameraResponse {
 }
 
 /// The pixel map: the camera pixels that see each projector pixel, in compressed sparse rows. There is one row per projector pixel. The
-/// weights of a row keep an evenly lit raster equally bright. Away from the raster's border they add up to 1. Unseen projector pixels have
-/// empty rows.
+/// weights keep the photo of an evenly lit raster even. Away from the raster's border, the weights of a row add up to 1. Unseen projector
+/// pixels have empty rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Registration {
     /// The camera's pixels.
     pub camera: Resolution,
     /// The projector's pixels.
     pub projector: Resolution,
-    /// The index at which each row begins in `pixels` and `weights`, followed by their length.
+    /// The index at which each row begins in `pixels` and `weights`, followed by the length of these arrays.
     pub starts: Vec<usize>,
     /// The camera pixels of all rows.
     pub pixels: Vec<u32>,
     /// The weights of these camera pixels.
     pub weights: Vec<f64>,
-    /// The map that the weights were made from. It gives the spread of direct light. It is `None` when no map is known.
+    /// The lens map from which the weights were computed, and which gives the spread of direct light. `None`: no map is known.
     pub lens: Option<LensMap>,
 }
 
@@ -67,7 +67,7 @@ pub struct Registration {
 #[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stability {
-    /// Seconds from the confirmation of a frame until all of its light and none of the previous frame's light is there.
+    /// Seconds from the confirmation of a frame until the projector emits all of this frame's light and no light of the previous frame.
     pub settle: f64,
     /// The relative change of the mean of the white photo, per hour.
     pub drift_per_hour: f64,
@@ -98,11 +98,11 @@ impl Calibration {
 }
 
 impl Registration {
-    /// The pixel map of two rasters that cover the same field. A projector pixel is seen with equal weights by the camera pixels whose
-    /// centres lie in it. If there are none, it is seen by the camera pixel that contains its centre.
+    /// The pixel map of two rasters that cover the same field. The camera pixels whose centres lie in a projector pixel see it with equal
+    /// weights. If there are no such camera pixels, the camera pixel that contains the projector pixel's centre sees it.
     ///
-    /// If the camera is finer, but not by a whole factor, some of its pixels see two projector pixels. The map is then made in the same way
-    /// as for a calibrated rig, to separate a pixel's light from its neighbours' light.
+    /// If the camera's raster is finer than the projector's, but not by a whole factor, some camera pixels see two projector pixels. The
+    /// map is then made in the same way as for a calibrated rig, to separate a pixel's light from its neighbours' light.
     pub fn by_area(projector: Resolution, camera: Resolution) -> Self {
         let sides = [(projector.width, camera.width), (projector.height, camera.height)];
         let is_finer = sides.iter().all(|(projector, camera)| camera >= projector);
@@ -110,7 +110,7 @@ impl Registration {
             return by_overlap(&LensMap::of_same_field(camera, projector), &vec![true; camera.pixels()]);
         }
         let span = |index: usize, of: usize, among: usize| -> std::ops::Range<usize> {
-            // The centres k + ½ of `among` pixels that lie in [index, index + 1) of `of` pixels.
+            // The pixels k of a raster of `among` pixels whose centres k + ½ lie in [index, index + 1) of a raster of `of` pixels.
             let edge = |index: usize| ((2 * index * among).saturating_sub(of)).div_ceil(2 * of);
             let (from, to) = (edge(index), edge(index + 1));
             if from < to {
@@ -134,27 +134,28 @@ impl Registration {
 // The flat-field stage: the uneven brightness of projector and camera, above all their vignetting.
 //
 // A pattern `x` leaves the projector as `p ∘ x`, and light `y` is photographed as `c ∘ y`, with smooth factors `p` and `c` on the
-// projector's pixels. So the rig's matrix is `diag(c) A diag(p)`, which is not symmetric. Patterns are divided by `p`, and photos by `c`.
+// projector's pixels. With the light transport `A`, the rig's matrix is `diag(c) A diag(p)`, which is not symmetric. Patterns are divided
+// by `p`, photos by `c`.
 
 /// The relative brightness of the projector and of the camera at each of the projector's pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlatField {
-    /// The projector's brightness. The least value is 1, so that every pattern that is divided by it can be shown.
+    /// The projector's brightness. The least value is 1, so that every pattern can still be shown after the division by this brightness.
     pub projector: Vec<f64>,
     /// The camera's brightness, with a mean of 1.
     pub camera: Vec<f64>,
 }
 
 impl FlatField {
-    /// The flat field of a rig whose projector and camera differ by the factor `ratio`, `p / c`. The symmetry of `A` gives this factor. It
-    /// is attributed to the camera alone. A brightness that both devices share stays in the photos and leaves the matrix symmetric.
+    /// The flat field of a rig from the factor `ratio`, which is `p / c`. The symmetry of `A` gives this factor, which is attributed to the
+    /// camera alone. An uneven brightness that both devices share stays in the photos and leaves the matrix symmetric.
     pub fn of_ratio(ratio: &[f64]) -> Result<Self> {
         let camera = ratio.iter().map(|ratio| 1.0 / ratio).collect();
         Self { projector: vec![1.0; ratio.len()], camera }.normalized()
     }
 
     /// The flat field of both devices. `sheet` is the photo of an evenly coloured matte sheet that stands square to the camera, lit by
-    /// white. It shows `p c`. The factor `p / c` is taken from this flat field.
+    /// white. This photo shows the product `p c`. The factor `p / c` is taken from `self`.
     ///
     /// # Errors
     /// [`Error::Dimension`] if the sizes differ, and the errors of [`Self::check`].
@@ -195,7 +196,7 @@ impl FlatField {
         x.iter().zip(&self.projector).map(|(x, factor)| x / factor).collect()
     }
 
-    /// The vector `x` that a shown pattern stands for.
+    /// The vector `x` that a shown pattern represents.
     pub(crate) fn shown(&self, pattern: &[f64]) -> Vec<f64> {
         pattern.iter().zip(&self.projector).map(|(x, factor)| x * factor).collect()
     }
@@ -208,7 +209,7 @@ impl FlatField {
         Plane { values: divided(plane.values, 1), variance: divided(plane.variance, 2) }
     }
 
-    /// Whether patterns are shown as they are.
+    /// Whether the flat field leaves patterns unchanged.
     pub(crate) fn leaves_patterns(&self) -> bool {
         self.projector.iter().all(|&factor| factor == 1.0)
     }
@@ -249,7 +250,7 @@ mod tests {
                         .map(|entry| entry.1.abs())
                         .sum()
                 };
-                // One of two or more camera pixels along each side lies almost inside. A mean of all had 0.1 to 0.3 from neighbours.
+                // Some camera pixel lies almost inside each projector pixel. A mean would have 0.1 to 0.3 of the neighbours' light.
                 assert!(of(true) > 0.97 && of(false) < 0.05, "{width}x{height} {pixel}: {row:?}");
             }
         }

@@ -1,4 +1,4 @@
-//! The folder of a calibration: `calibration.toml` holds the numbers, and arrays beside it hold the curves and the pixel map.
+//! The folder of a calibration: `calibration.toml` holds the numbers, and array files beside it hold the curves and the pixel map.
 //!
 //! | file | holds |
 //! |---|---|
@@ -69,7 +69,8 @@ struct Response {
 }
 
 impl Calibration {
-    /// Writes the calibration into `folder`, created if necessary. `calibration.toml` is written last: a folder with one is complete.
+    /// Writes the calibration into `folder`, created if necessary. `calibration.toml` is written last, so a folder with this file is
+    /// complete.
     ///
     /// # Errors
     /// [`Error::Write`] with the name of the file.
@@ -99,8 +100,8 @@ impl Calibration {
     /// Reads the calibration in `folder`.
     ///
     /// # Errors
-    /// [`Error::Read`] when a file cannot be read; [`Error::Data`] with the name of a malformed file, or with the name of the record when
-    /// the checksum is wrong.
+    /// [`Error::Read`] when a file cannot be read; [`Error::Data`] with the name of a malformed file, or with the name of
+    /// `calibration.toml` when the checksum is wrong.
     pub fn load(folder: &Path) -> Result<Self> {
         file::follow_no_links_below(folder);
         let path = folder.join(RECORD);
@@ -147,7 +148,7 @@ impl Calibration {
         Ok(calibration)
     }
 
-    /// The BLAKE3 hash of the whole calibration. It is part of the key of every journaled photo.
+    /// The BLAKE3 hash of the complete calibration, which is part of the key of every journaled photo.
     pub fn identity(&self) -> [u8; 32] {
         let mut hasher = blake3::Hasher::new();
         hasher.update(self.head().as_bytes());
@@ -202,7 +203,7 @@ impl Calibration {
         Ok(())
     }
 
-    /// The numbers as text, in the form of the record. Rust prints the shortest decimals that read back as the same bits.
+    /// The numbers as text, in the form of `calibration.toml`. Rust prints the shortest decimals that read back as the same bits.
     fn head(&self) -> String {
         let Self { projector_info: projector, camera_info: camera, camera: response, .. } = self;
         let map = self.registration.lens.as_ref().map_or_else(String::new, |lens| {
@@ -287,7 +288,7 @@ fn flat_field(folder: &Path, projector: Resolution) -> Result<FlatField> {
     Ok(flat)
 }
 
-/// Reads curves with `2^bits` ascending values: `channels` of them, or a single one without a dimension for channels.
+/// Reads `channels` curves of `2^bits` ascending values. `None`: the array is a single curve, without a dimension for channels.
 fn curves(folder: &Path, name: &str, channels: Option<usize>, bits: u32, of: &str) -> Result<Vec<Vec<f64>>> {
     let length = 1_usize.checked_shl(bits).unwrap_or(0);
     let shape: Vec<usize> = channels.into_iter().chain([length]).collect();

@@ -1,17 +1,19 @@
 //! The direct stage: the light that each pixel reflects straight back to itself, as an operator `S diag(d) K`.
 //!
-//! The projector shows patterns that change from pixel to pixel or from square to square ([`DirectPatterns`]). Global light is an
-//! average over many pixels and hardly changes from pattern to pattern. Direct light follows the light that arrives at the pixel itself. A
-//! projector's lens spreads each pixel's light over its neighbours, so this light is the blurred pattern `u = K x`. The camera's pixels
-//! spread it again, by the known matrix `S` ([`PixelSpread`]). With direct light `d` and global light `g`, the photos `m` are
+//! The projector shows patterns that change from pixel to pixel or from square to square ([`DirectPatterns`]). Global light is an average
+//! over many pixels and hardly changes from pattern to pattern. The direct light of a pixel is proportional to the light that arrives at
+//! this pixel. A projector's lens spreads each pixel's light over its neighbours, so the light that arrives is the blurred pattern
+//! `u = K x`. The camera's pixels spread the reflected light, by the known matrix `S` ([`PixelSpread`]). With direct light `d` and global
+//! light `g`, the model of the photo `y_m` of pattern `m` and the fit of `d` are
 //!
 //! ```text
 //! y_m = S (d ∘ u_m) + g,      minimise over d:  Σ_m ‖y_m − ȳ − S (d ∘ (u_m − ū))‖²
 //! ```
 //!
-//! The patterns count *as shown*, after rounding to levels. Without `S`, `d = Σ_m (u_m − ū) y_m / Σ_m (u_m − ū)²`. The blur `K` is the
-//! Gaussian with the least residual of this fit, over all pixels, photos and channels. A residual larger than the noise of the photos shows
-//! that the model is wrong there, for example because global light resolves the squares. It counts as an error of `d`.
+//! Here `ȳ` and `ū` are the means over the patterns. The patterns enter *as shown*, after rounding to levels. Without `S`, the fit is
+//! `d = Σ_m (u_m − ū) y_m / Σ_m (u_m − ū)²`. The blur `K` is the Gaussian with the least residual of this fit, over all pixels, photos and
+//! channels. A residual larger than the noise of the photos shows that the model is wrong at a pixel, for example because the global light
+//! changes from square to square. Such a residual counts as an error of `d`.
 //!
 //! Nayar, Krishnan, Grossberg and Raskar, *Fast separation of direct and global components of a scene using high frequency
 //! illumination* (2006), doi:10.1145/1141911.1141977.
@@ -26,7 +28,7 @@ use super::registration::combine;
 use super::spread::{PixelSpread, WeightedColumn, merged};
 use crate::image::{Blur, Resolution};
 
-/// The widest blur that is considered, in pixels as a standard deviation. It must be narrower than the squares.
+/// The widest blur that is considered, in pixels as a standard deviation. The blur must be narrower than the squares.
 const WIDEST: f64 = 2.0;
 
 /// The narrowest blur that is considered. Below this value, a sampled Gaussian is a single pixel.
@@ -35,7 +37,7 @@ const NARROWEST: f64 = 0.25;
 /// Entries of the matrix below this share of the largest entry in their row are left out.
 const SMALLEST: f64 = 1e-6;
 
-/// The number of deviations that are tried before the best one is refined.
+/// The number of standard deviations of the blur that are tried before the best deviation is refined.
 const TRIED: usize = 8;
 
 /// The number of refinement steps. Each step narrows the interval to 0.62 of its length, to 0.0002 pixels in the end. At a blur of 0.6
@@ -43,7 +45,7 @@ const TRIED: usize = 8;
 /// of the global light.
 const REFINED: usize = 16;
 
-/// The numbers of steps of conjugate gradients, while the blur is chosen and in the end. Few suffice because the spread is narrow.
+/// The numbers of conjugate gradient steps: while the blur is chosen, and in the final fit. Few steps suffice because the spread is narrow.
 const STEPS: [usize; 2] = [4, 12];
 
 /// Direct light: `y = S (d ∘ K x)` for each of the camera's channels.
@@ -93,7 +95,8 @@ impl DirectMatrix {
         of_pixels.sqrt().hypot(self.doubt.error * of_blur)
     }
 
-    /// Row `pixel` of one channel's matrix: ascending columns with their weights. Weights below [`SMALLEST`] of the largest are left out.
+    /// Row `pixel` of one channel's matrix: ascending columns with their weights. Weights below [`SMALLEST`] of the largest weight are left
+    /// out.
     pub(crate) fn row(&self, channel: usize, pixel: usize) -> Vec<WeightedColumn> {
         let direct = &self.planes[channel].values;
         let own = [(pixel as u32, 1.0)];
@@ -163,7 +166,7 @@ impl DirectMatrix {
     }
 }
 
-/// The deviation in pixels with the least residual. It is 0 when no blur improves the fit.
+/// The blur with the least residual, as a standard deviation in pixels. It is 0 when no blur improves the fit.
 fn least(residual: &dyn Fn(f64) -> f64) -> f64 {
     let step = (WIDEST - NARROWEST) / (TRIED - 1) as f64;
     let tried = (0..TRIED).map(|index| NARROWEST + step * index as f64);
@@ -191,10 +194,11 @@ fn least(residual: &dyn Fn(f64) -> f64) -> f64 {
 
 // The patterns for the fit.
 //
-// Away from the raster's border, a checkerboard of two pixels is an eigenvector of every blur. A blur thus keeps its shape, and its lower
-// contrast looks like less direct light. [Codes](code_patterns) hold all frequencies. Their photos therefore determine the blur, and
-// separate light of near pixels from the pixel's own light. Codes change from pixel to pixel, which the camera must resolve. Where it does
-// not, or where the spread of its pixels is unknown, squares of four pixels serve, whose edges show the blur.
+// Away from the raster's border, a checkerboard with squares of two pixels is an eigenvector of every blur. A blur thus keeps the shape of
+// this checkerboard, and the lower contrast looks like less direct light. [Codes](code_patterns) hold all spatial frequencies. Their photos
+// therefore determine the blur, and separate light of near pixels from the pixel's own light. Codes change from pixel to pixel, so the
+// camera must resolve single pixels. If the camera does not, or if the spread of its pixels is unknown, squares of four pixels are used.
+// The edges of these squares show the blur.
 
 /// The camera resolves single pixels when it has this many camera pixels per projector pixel.
 const RESOLVES: usize = 4;
@@ -204,14 +208,14 @@ const CODES: usize = 8;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum DirectPatterns {
-    /// Near pixels are lit by different codes.
+    /// Near pixels are lit in different sets of photos.
     Codes,
     /// A checkerboard of squares with this side, shifted step by step.
     Squares(usize),
 }
 
 impl DirectPatterns {
-    /// The patterns that suit a pixel map. Runs with a calibration without a lens map used squares of four pixels and can still be queried.
+    /// The patterns that suit a pixel map. Without a lens map, they are squares of four pixels, so that earlier runs can still be queried.
     pub(crate) fn of(registration: &Registration) -> Self {
         let finer = registration.camera.pixels() >= RESOLVES * registration.projector.pixels();
         if finer && registration.lens.is_some() { Self::Codes } else { Self::Squares(4) }
@@ -230,7 +234,7 @@ impl DirectPatterns {
     }
 }
 
-/// A checkerboard with squares of `side` pixels, moved to the left and up by `shift`. It is 1 where a pixel is lit, 0 elsewhere.
+/// A checkerboard with squares of `side` pixels, moved to the left and up by `shift`. The value is 1 where a pixel is lit, 0 elsewhere.
 pub fn checkerboard(resolution: Resolution, side: usize, [right, down]: [usize; 2]) -> Vec<f64> {
     let lit = |pixel: usize| {
         let (x, y) = (pixel % resolution.width + right, pixel / resolution.width + down);
@@ -239,7 +243,7 @@ pub fn checkerboard(resolution: Resolution, side: usize, [right, down]: [usize; 
     (0..resolution.pixels()).map(lit).collect()
 }
 
-/// The checkerboards, shifted by half a square: each pixel is well inside a bright square and well inside a dark one at least once.
+/// The checkerboards, shifted by half a square: each pixel is well inside a bright square and well inside a dark square at least once.
 fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
     let shifts = |to: usize| (0..to).step_by(side.div_ceil(2));
     shifts(side)
@@ -247,13 +251,13 @@ fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-// Codes are patterns in which each pixel is lit in half of the photos, and near pixels are lit by different codes.
+// Codes are patterns in which each pixel is lit in half of the photos, and near pixels have different codes.
 //
 // The code of a pixel is the set of photos in which it is lit, a row of a Hadamard matrix. Two different codes are orthogonal. Light from a
 // pixel with another code therefore cancels exactly in the correlation of the photos with the pixel's code. Pixels with the same code are
 // about `√photos` pixels apart. Every second row has inverted codes, so that even global light from pixels with the same code cancels.
 
-/// The patterns of `photos` photos, a power of two of at least 4. Each pattern has `n` values: 1 where a pixel is lit, 0 elsewhere.
+/// The code patterns. `photos` is a power of two of at least 4. Each pattern has `n` values: 1 where a pixel is lit, 0 elsewhere.
 pub fn code_patterns(resolution: Resolution, photos: usize) -> impl Iterator<Item = Vec<f64>> {
     let step = step(photos - 1);
     (0..photos).map(move |photo| {
@@ -268,8 +272,8 @@ pub fn code_patterns(resolution: Resolution, photos: usize) -> impl Iterator<Ite
     })
 }
 
-/// The difference between the codes of a pixel and of the pixel below it. It puts pixels with the same code as far apart as possible.
-/// `codes` is the number of codes, which are numbered along each row of the picture.
+/// The difference between the codes of a pixel and of the pixel below it. This difference puts pixels with the same code as far apart as
+/// possible. `codes` is the number of codes, which are numbered along each row of the picture.
 fn step(codes: usize) -> usize {
     let nearest = |step: usize| {
         let below = |y: usize| {
@@ -326,7 +330,7 @@ mod tests {
                     let row = direct.row(0, pixel);
                     assert!(row.is_sorted_by(|a, b| a.0 < b.0));
                     let product: f64 = row.iter().map(|&(at, weight)| weight * pattern[at as usize]).sum();
-                    // Weights below a share of the largest are left out.
+                    // Weights below a share of the largest weight are left out.
                     let most = row.iter().fold(0.0, |most: f64, entry| most.max(entry.1.abs()));
                     assert!((product - seen).abs() <= 120.0 * SMALLEST * most, "{pixel}: {product} {seen}");
                 }
@@ -334,7 +338,7 @@ mod tests {
         }
     }
 
-    /// The form depends on `d` and on the blur, and `d` also depends on the blur.
+    /// The quadratic form depends on `d` and on the blur, and `d` also depends on the blur.
     #[test]
     fn the_error_of_a_form_is_that_of_pixels_and_of_the_blur() {
         let size = Resolution::new(6, 5);
@@ -368,7 +372,7 @@ mod tests {
             let patterns = DirectPatterns::Squares(side).shown(resolution, &[true; 63]);
             for pixel in 0..63 {
                 let light: f64 = patterns.iter().map(|pattern| pattern[pixel]).sum();
-                // When the step does not divide the square, one side has one more pattern.
+                // When the step does not divide the side of a square, a pixel may be lit in more or fewer than half of the patterns.
                 assert!((2.0 * light - patterns.len() as f64).abs() <= 2.0 * side as f64, "{side} {pixel}");
                 assert!(light > 0.0 && light < patterns.len() as f64);
             }
@@ -394,7 +398,7 @@ mod tests {
             };
             patterns.shown(resolution, &[true; 576]).iter().map(of).fold(0.0, f64::max)
         };
-        // The two neighbours of a pixel across a square of two differ, so they cancel.
+        // In squares of two pixels, the two neighbours of a pixel along each axis differ, so their contributions cancel.
         assert!(reshaped(DirectPatterns::Squares(2)) < 1e-20, "rounding");
         assert!(reshaped(DirectPatterns::Codes) > 0.1);
     }

@@ -4,11 +4,12 @@ use super::photos::Plane;
 use super::spread::PixelSpread;
 use crate::image::{Blur, Resolution};
 
-/// A residual shows an error of the model when its square is this many times the square of the noise. The mean of pure noise over
-/// neighbours scatters by 0.16, with six degrees of freedom in each of some twelve pixels.
+/// A residual shows an error of the model when its square is this many times the square of the noise. For pure noise, the mean of this
+/// ratio over neighbours scatters by 0.16, because each of some twelve pixels has six degrees of freedom.
 const CLEARLY: f64 = 1.6;
 
-/// The fit of `Σ_m ‖y_m − S (d ∘ u_m)‖²` with patterns `u_m` and photos `y_m`. The mean over the patterns is subtracted from both.
+/// The fit of `d` that minimises `Σ_m ‖y_m − S (d ∘ u_m)‖²` for patterns `u_m` and photos `y_m`. The means over the patterns are subtracted
+/// from both.
 pub(crate) struct DirectFit<'a> {
     light: Vec<Vec<f64>>,
     /// `Σ_m u_m²` at each pixel.
@@ -20,10 +21,11 @@ pub(crate) struct DirectFit<'a> {
 }
 
 impl<'a> DirectFit<'a> {
-    /// Fits without the spread, which is exact when there is no spread. The mean is already subtracted from `photos`, but not from `shown`.
+    /// Fits `d` without the spread `S`. The fit is exact when there is no spread. The mean is subtracted from `photos`, not from `shown`.
     ///
-    /// Pixels that are not `lit` by any pattern have no direct light. A blur gives them a trace of their neighbours' light, and the camera
-    /// pixels at a silhouette may see a trace of them. A fit to both would explain every error of the photos there by an enormous `d`.
+    /// Pixels that are not `lit` by any pattern have no direct light. A blur gives such a pixel a trace of its neighbours' light, and the
+    /// camera pixels at a silhouette may see a trace of such a pixel. A fit to these traces would explain every error of the photos there
+    /// by an enormous `d`.
     pub(crate) fn new(
         shown: &[Vec<f64>],
         lit: &[bool],
@@ -123,8 +125,8 @@ impl<'a> DirectFit<'a> {
         (0..self.square.len()).map(of).collect()
     }
 
-    /// The direct light with its variance. The variance comes from the photos' `noise`, or from the residual when that is clearly larger. A
-    /// few photos say little about one pixel, so the residuals of neighbours are averaged.
+    /// The direct light with its variance. The variance comes from the photos' `noise`, or from the residual when the residual is clearly
+    /// larger than the noise. A few photos say little about one pixel, so the residuals of neighbours are averaged.
     pub(crate) fn plane(self, noise: Vec<f64>, resolution: Resolution) -> Plane {
         // Each pixel has two unknowns: direct and global light.
         let freedom = self.left.len().saturating_sub(2).max(1) as f64;
@@ -155,9 +157,10 @@ pub(crate) fn without_mean(mut planes: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
 // The uncertainty of the projector's blur, and its effect on the direct light.
 //
 // Light that a pixel sends to its neighbours by way of other surfaces looks like a blur, but only near edges and creases. A blur that is a
-// little too wide makes the direct light of all pixels a little too bright, and an average over pixels does not remove this. The error of
-// the blur follows from the disagreement of parts of the picture. Let `R_b(t)` be the squared residuals in part `b` if a share `t` more of
-// each pixel's light goes to its neighbours. The error is `√Σ_b R_b'²` over the curvature of `Σ_b R_b` (a cluster-robust standard error).
+// little too wide makes the direct light of all pixels a little too bright, and an average over pixels does not remove this error. The
+// error of the blur is estimated from the disagreement between parts of the picture. Let `R_b(t)` be the sum of the squared residuals in
+// part `b` if an additional share `t` of each pixel's light goes to its neighbours. The error is `√Σ_b R_b'²` over the curvature of
+// `Σ_b R_b` (a cluster-robust standard error).
 
 /// The step in the share `t` for the finite differences of the squared residuals.
 const SHARE_STEP: f64 = 0.002;
@@ -165,7 +168,7 @@ const SHARE_STEP: f64 = 0.002;
 /// The side of a part of the picture, in pixels. Light by way of other surfaces is alike over several pixels.
 const PART: usize = 8;
 
-/// The standard error of the blur, and the dependence of direct light on it.
+/// The standard error of the blur, and the dependence of direct light on the blur.
 #[derive(Clone, Debug)]
 pub(crate) struct BlurDoubt {
     pub(crate) resolution: Resolution,
@@ -176,7 +179,7 @@ pub(crate) struct BlurDoubt {
 }
 
 impl BlurDoubt {
-    /// The doubt about the blur of `channels` channels. `fit` fits a channel with a given additional share of light for the neighbours.
+    /// The uncertainty of the blur for `channels` channels. `fit` fits a channel with a given additional share of light for the neighbours.
     pub(crate) fn of<'a>(
         resolution: Resolution,
         channels: usize,
@@ -221,7 +224,7 @@ fn neighbours(Resolution { width, height }: Resolution, pattern: &[f64]) -> Vec<
     (0..pattern.len()).map(mean).collect()
 }
 
-/// The standard error of the share. Its arguments are the squared residuals of each pixel with less, the same and more of the share.
+/// The standard error of the share. The arguments are the squared residuals of each pixel with a smaller, the same and a larger share.
 fn share_error(resolution: Resolution, [less, same, more]: &[Vec<f64>; 3]) -> f64 {
     let columns = resolution.width.div_ceil(PART);
     let mut slopes = vec![0.0; columns * resolution.height.div_ceil(PART)];
@@ -280,7 +283,7 @@ mod tests {
         }
     }
 
-    /// Patterns of ±1 and ±2, and residuals of ±e that are orthogonal to them.
+    /// The patterns have values of ±1 and ±2. The residuals of ±e are orthogonal to the patterns.
     #[test]
     fn the_variance_is_that_of_noise_or_of_the_residuals_where_they_are_clearly_larger() {
         let resolution = Resolution::new(8, 6);
@@ -295,7 +298,7 @@ mod tests {
         }
         let fit = || DirectFit::new(&shown, &[true; 48], None, None, &photos);
         assert!((fit().residual() - 4.0 * 48.0 * e * e).abs() < 1e-12);
-        // The squared residuals are 4 e² with two degrees of freedom. Patterns have squares of 4 and of 16.
+        // The squared residuals are 4 e² with two degrees of freedom. The patterns' sums of squares are 4 and 16.
         let from_residuals = |pixel: usize| 2.0 * e * e / if pixel < 24 { 4.0 } else { 16.0 };
         for (share, counts) in [(1.0 / 1.7, true), (1.0 / 1.5, false), (2.0, false), (0.0, true)] {
             let noise: Vec<f64> = (0..48).map(|pixel| share * from_residuals(pixel)).collect();
@@ -359,7 +362,7 @@ mod tests {
             let mut fit = DirectFit::new(&shown, &lit, blur.as_ref(), Some(&spread), &photos);
             fit.improve(40);
             for (pixel, (found, truth)) in fit.direct.iter().zip(&direct).enumerate() {
-                // At half a pixel, the fit undoes the spread of the camera's pixels, and errors grow.
+                // At a shift of half a pixel, the fit undoes the spread of the camera's pixels, and errors grow.
                 let most = if past < 0.2 { 0.01 } else { 0.1 };
                 assert!((found - truth).abs() < most, "{past}: {found} for {truth} at {pixel}");
             }
@@ -407,7 +410,7 @@ mod tests {
         assert!((wide[7] - (0.7 * pattern[7] + 0.3 * 0.25 * near)).abs() < 1e-14);
     }
 
-    /// The squares of each part are least at a different share. The squares of the whole are least at the mean of the two shares, 0.
+    /// The squared residuals of each part are least at a different share. Their sum is least at the mean of the two shares, 0.
     #[test]
     fn parts_that_disagree_make_the_error_of_their_mean() {
         let size = Resolution::new(2 * PART, PART);

@@ -1,7 +1,7 @@
 //! The display stage: a pattern in `[0, 1]` is rounded to the projector's levels, and the light that is *actually* shown becomes known.
 //!
-//! Each photo is assigned to the pattern that was shown, not to the target. As light is linear, the difference between the two is the only
-//! remaining error. [`DitherBy`] selects how this rounding error is spread over the pixels.
+//! Each photo is assigned to the pattern that was shown, not to the target. Light is linear, so the difference between the shown pattern
+//! and the target is the only remaining error. [`DitherBy`] selects how this rounding error is spread over the pixels.
 //!
 //! The table shows the relative error of a product, measured on 24×24 pixels of rank-one indirect light with 8 bits and gamma 2.2
 //! (`tests/rig/stages/quantization.rs`):
@@ -44,7 +44,7 @@ pub(crate) struct Displayed {
 }
 
 impl PatternDisplay {
-    /// The display of a projector with these response curves. `undo` corrects the response, and `seed` starts the random dither.
+    /// The display of a projector with these response curves. With `undo`, the response is corrected. `seed` starts the random dither.
     pub(crate) fn new(
         projector: &ProjectorInfo,
         curves: &[Vec<f64>],
@@ -96,7 +96,7 @@ impl PatternDisplay {
         Displayed { frame: Arc::clone(frame), light: self.curves.iter().enumerate().map(plane).collect() }
     }
 
-    /// Lets `levels` choose the levels of each channel. Returns their frame and the light that it shows.
+    /// Lets `levels` choose the levels of each channel. Returns the frame with these levels and the light that the frame shows.
     fn quantize(
         &self,
         target: &[Vec<f64>],
@@ -140,7 +140,7 @@ impl PatternDisplay {
                 let x = if forward { step } else { width - 1 - step };
                 let pixel = y * width + x;
                 shown[pixel] = curve.nearest(target[pixel]);
-                // Light outside [0, 1] cannot be shown by any level. This part of the error is not passed on.
+                // No level can show light outside [0, 1]. The part of the error outside this range is not passed on.
                 let error = target[pixel].clamp(0.0, 1.0) - curve.light(shown[pixel]);
                 let neighbour =
                     |by: isize| x.checked_add_signed(if forward { by } else { -by }).filter(|&x| x < width);
@@ -156,8 +156,8 @@ impl PatternDisplay {
 }
 
 impl Displayed {
-    /// The pattern that lit one of the camera's `channels`: the projector's channel of the same index, or the mean of its channels where
-    /// the numbers of channels differ.
+    /// The pattern that lit one of the camera's `channels`: the projector's channel of the same index, or the mean of the projector's
+    /// channels if the numbers of channels differ.
     pub(crate) fn seen_by(&self, channel: usize, channels: usize) -> Vec<f64> {
         if self.light.len() == channels || self.light.len() == 1 {
             return self.light[channel.min(self.light.len() - 1)].clone();
@@ -172,13 +172,13 @@ impl Displayed {
 // The bit-plane stage: a weighted sum of frames shows more levels than the projector has (O'Toole and Kutulakos, section 7.2).
 //
 // Each frame shows the quantization error of the frames before it. Let `δ` be the widest step between levels. The first of `K` frames has
-// weight `w = 1/(1+δ)` and shows the level below `x / w`. The remainder is at most `w δ` at every pixel, and is a pattern of that range for
-// the next frame. The last frame shows the nearest level. For a projector of one bit these are the binary digits, with weights ½, ¼, ….
-// Each frame reduces the error by the factor `δ/(1+δ)`.
+// weight `w = 1/(1+δ)` and shows the level below `x / w` for the pattern `x`. The remainder is at most `w δ` at every pixel, so the next
+// frame shows it as a pattern of that range. The last frame shows the nearest level. For a projector of one bit, the frames are binary
+// digits with weights ½, ¼, …. Each frame reduces the error by the factor `δ/(1+δ)`.
 //
-// The result has the noise of `Σ w_k photo_k`. Each photo has the full read noise of the camera, whatever its weight. With `K` exposures of
-// `t/K` seconds instead of one of `t`, the standard deviation due to read noise grows by the factor `K √Σ w_k²`
-// ([`bit_plane_amplification`]). In little light, more frames can therefore be worse than fewer.
+// The result has the noise of `Σ w_k photo_k`. Each photo has the full read noise of the camera, independent of its weight. With `K`
+// exposures of `t/K` seconds instead of one exposure of `t` seconds, the standard deviation due to read noise grows by the factor
+// `K √Σ w_k²` ([`bit_plane_amplification`]). In little light, more frames can therefore be worse than fewer.
 
 /// The weights of `count` frames on a projector whose widest step between levels is `step` (levels from 0 to 1).
 pub fn bit_plane_weights(count: u32, step: f64) -> Vec<f64> {
@@ -194,13 +194,14 @@ pub fn bit_plane_weights(count: u32, step: f64) -> Vec<f64> {
     bit_plane_weights
 }
 
-/// The growth of the standard deviation when frames of these weights replace one photo, at equal total exposure, with read noise alone.
+/// The factor by which the standard deviation grows when frames of these weights replace one photo, at equal total exposure, with read
+/// noise alone.
 pub fn bit_plane_amplification(bit_plane_weights: &[f64]) -> f64 {
     bit_plane_weights.len() as f64
         * bit_plane_weights.iter().map(|weight| weight * weight).sum::<f64>().sqrt()
 }
 
-/// Decomposes the pattern `target` into `count` frames with their weights. It has one plane for all channels or one per channel. Dark frames are left out.
+/// Decomposes `target`, with one plane for all channels or one plane per channel, into `count` weighted frames. Dark frames are left out.
 pub(crate) fn decompose(
     display: &PatternDisplay,
     target: &[Vec<f64>],
@@ -252,8 +253,8 @@ mod tests {
         display.show(&[target.to_vec()], part).expect("as many values as pixels").frame.levels().to_vec()
     }
 
-    /// A pixel of light 0.4 is shown dark, and its error of 0.4 goes on. All others but one are far below 0, where level 0 has no error.
-    /// That one turns bright as soon as it gets its Floyd–Steinberg share.
+    /// A pixel of light 0.4 is shown dark, and its error of 0.4 is passed on. All other pixels except one are far below 0, where level 0
+    /// has no error. The exception turns bright as soon as it gets its Floyd–Steinberg share.
     #[test]
     fn diffusion_gives_sixteenths_of_an_error_to_four_neighbours_in_the_direction_of_the_row() {
         let display = display(5, 3, &[0.0, 1.0], DitherBy::Diffusion);
@@ -274,7 +275,7 @@ mod tests {
                 }
             }
         }
-        // Nothing goes around the edge at the end of a row or past the last row.
+        // No error is passed around the end of a row or past the last row.
         for (source, elsewhere) in [(4, 5), (4, 10), (5, 4), (5, 14), (12, 2)] {
             assert_eq!(shown(source, elsewhere, 0.5 - 1e-6).iter().sum::<u16>(), 0, "{source} {elsewhere}");
         }
@@ -283,7 +284,7 @@ mod tests {
     #[test]
     fn diffusion_of_too_bright_a_pixel_darkens_its_neighbours_and_of_one_beyond_white_does_not() {
         let display = display(2, 1, &[0.0, 1.0], DitherBy::Diffusion);
-        // The first pixel is shown as 1, which is 0.4 too bright, so the next gets 0.175 less.
+        // The first pixel is shown as 1, which is 0.4 too bright, so the next pixel gets 0.175 less.
         assert_eq!(levels(&display, &[0.6, 0.67], Part::Full), [1, 0]);
         assert_eq!(levels(&display, &[0.6, 0.68], Part::Full), [1, 1]);
         assert_eq!(levels(&display, &[7.0, 0.49], Part::Full), [1, 0]);

@@ -1,7 +1,7 @@
 //! The choice of exposures, from test photos of white.
 //!
-//! The shortest exposure brings the brightest pixel near saturation. Longer ones follow, up to the allowed number, until the darkest pixel
-//! is well above its noise.
+//! The shortest exposure brings the brightest pixel near saturation. Longer exposures follow, up to the allowed number, until the darkest
+//! pixel is well above its noise.
 
 use std::sync::Arc;
 
@@ -11,8 +11,8 @@ use super::response::CameraCurve;
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 
-/// The brightest pixel of the white photo, as a share of saturation. No pattern is brighter than white. The rest of the range is for noise,
-/// for a lamp that becomes brighter, and for the black photo.
+/// The brightest pixel of the white photo, as a share of saturation. No pattern is brighter than white. The remaining range up to
+/// saturation is for noise, for a lamp that becomes brighter, and for the light of the black photo.
 const TARGET: f64 = 0.8;
 
 /// The factor from the exposure of a saturated test photo to the next exposure.
@@ -30,7 +30,7 @@ const BRACKET: f64 = 4.0;
 /// The darkest pixel is well exposed when it is this many standard deviations above black.
 const WELL: f64 = 20.0;
 
-/// The largest number of test photos. It suffices to go from the shortest to the longest exposure of any camera.
+/// The largest number of test photos. This number suffices to go from the shortest to the longest exposure of any camera.
 const TEST_PHOTOS: usize = 24;
 
 /// Chooses up to `brackets` exposures in seconds, the shortest first. Only the camera pixels that are `used` count.
@@ -66,7 +66,7 @@ pub(crate) fn choose(
                 break;
             }
         };
-        // When one whole refresh of the projector is still too long, parts of a refresh follow.
+        // If one whole refresh of the projector is too long, exposures shorter than a refresh follow.
         exposure = if fit(next) == exposure { next.clamp(shortest, longest) } else { fit(next) };
     }
     let mut exposures = vec![chosen.unwrap_or(exposure)];
@@ -171,13 +171,13 @@ mod tests {
 
     #[test]
     fn the_brightest_pixel_comes_to_four_fifths_of_saturation() {
-        // The search begins at the geometric mean of the range. A photo of 3 % of the range is too dark. The next one has 80 %.
+        // The search begins at the geometric mean of the range. A photo with 3 % of the range is too dark. The next photo has 80 %.
         let (chosen, asked) = Scene::of(&[100.0, 25.0]).choose(1);
         assert!(
             near(&chosen.expect("there is light"), &[7.92]) && near(&asked, &[0.1_f64.sqrt(), 7.92]),
             "{asked:?}"
         );
-        // A photo of 6 % suffices.
+        // A photo with 6 % of the range suffices.
         let (chosen, asked) = Scene::of(&[190.0]).choose(1);
         assert!(
             near(&chosen.expect("there is light"), &[4.17]) && near(&asked, &[0.1_f64.sqrt()]),
@@ -215,7 +215,7 @@ mod tests {
         let (chosen, asked) = flickering(3000.0).choose(1);
         assert!((chosen.expect("there is light")[0] - 15.0 * refresh).abs() < 1e-12);
         assert_eq!(asked, [refresh]);
-        // One refresh is too long. An eighth of it follows, then the exposure for 0.8 of the range.
+        // One refresh is too long. An eighth of a refresh follows, then the exposure for 0.8 of the range.
         let (chosen, asked) = flickering(3e5).choose(1);
         assert!(near(&chosen.expect("it is not too bright"), &[792.0 / 3e5]));
         assert!(near(&asked, &[refresh, refresh / 8.0]), "{asked:?}");
@@ -234,14 +234,14 @@ mod tests {
     #[test]
     fn longer_exposures_follow_by_factors_of_four_until_the_darkest_pixel_is_well_exposed() {
         let brackets = |light: &[f64], most: u32| Scene::of(light).choose(most).0.expect("there is light");
-        // The darkest pixel never reaches 20 standard deviations above black. Exposures grow up to the longest one that is allowed.
+        // The darkest pixel never reaches 20 standard deviations above black. Exposures grow up to the longest exposure that is allowed.
         assert!(near(&brackets(&[100.0, 0.01], 5), &[7.92, 31.68, 100.0]));
         assert!(near(&brackets(&[100.0, 0.01], 2), &[7.92, 31.68]));
         assert!(near(&brackets(&[100.0, 0.01], 1), &[7.92]));
         // x counts above black have the variance x + 1 + 1/12, so 20 standard deviations are reached at x = 401.1.
         assert!(near(&brackets(&[100.0, 406.0 / 7.92], 5), &[7.92]));
         assert!(near(&brackets(&[100.0, 395.0 / 7.92], 5), &[7.92, 31.68]));
-        // In the second exposure, a pixel of 25 has 792 counts, and the other one is saturated.
+        // In the second exposure, a pixel of 25 has 792 counts, and the other pixel is saturated.
         assert!(near(&brackets(&[100.0, 25.0], 5), &[7.92, 31.68]));
         let scene = Scene { used: vec![true, true, false], ..Scene::of(&[100.0, 60.0, 0.01]) };
         assert!(near(&scene.choose(5).0.expect("there is light"), &[7.92]));

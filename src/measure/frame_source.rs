@@ -1,4 +1,4 @@
-//! The source of raw frames, which is open devices or a journal in front of them, and the time that a session spends.
+//! The source of raw frames (open devices, or a journal in front of them), and the time that a session spends.
 
 use std::fmt;
 use std::ops::Add;
@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::error::Result;
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 
-/// A photo to be taken. Equal requests to one rig with one calibration are one photo. A journal never takes it twice.
+/// A photo to be taken. Equal requests to one rig with one calibration stand for the same photo, which a journal never takes twice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CaptureRequest {
     /// The frame that is shown.
@@ -29,24 +29,24 @@ pub struct Effort {
     pub replayed: u64,
     /// Frames that did not arrive in time.
     pub dropped: u64,
-    /// Frames that the camera delivered a second time. They are refused.
+    /// Frames that the camera delivered a second time. These frames are refused.
     pub repeated: u64,
-    /// Frames whose exposure began before the pattern had settled. They are refused.
+    /// Frames whose exposure began before the pattern had settled. These frames are refused.
     pub late: u64,
     /// Restarts of the camera.
     pub restarts: u64,
     /// Packets of frames that were lost on the network and sent again on request.
     #[serde(default)]
     pub resent: u64,
-    /// Frames that came without some of their packets, although these were requested again. They are refused.
+    /// Frames that came without some of their packets, although the missing packets were requested again. These frames are refused.
     #[serde(default)]
     pub incomplete: u64,
-    /// The packets that these frames never received.
+    /// Packets of these incomplete frames that never came.
     #[serde(default)]
     pub missing: u64,
     /// Duration in seconds on the rig's clock.
     pub seconds: f64,
-    /// The use of these seconds, since this session opened the rig.
+    /// The use of the time since this session opened the rig.
     #[serde(default)]
     pub times: Times,
 }
@@ -66,8 +66,8 @@ pub trait FrameSource: Send {
     /// The camera.
     fn camera(&self) -> &CameraInfo;
 
-    /// Takes the requested photo, or returns the earlier one. The frame was exposed with the requested frame on screen, and was never
-    /// returned for another request.
+    /// Takes the requested photo, or returns the earlier photo of an equal request. The frame was exposed with the requested frame on
+    /// screen, and was never returned for another request.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when the rig does not recover; [`Error::Interrupted`](crate::Error::Interrupted) when the user
@@ -83,21 +83,21 @@ pub trait FrameSource: Send {
     }
 
     /// Sets how many seconds pass between the confirmation of a frame and its exposure. This time is not part of a [`CaptureRequest`], so
-    /// photos of one frame after different times must differ in `take`. A journal without a rig ignores it.
+    /// photos of one frame after different times must differ in `take`. A journal without a rig ignores this setting.
     fn set_settle(&mut self, seconds: f64);
 
-    /// The costs so far.
+    /// The costs of the session so far.
     fn effort(&self) -> Effort;
 }
 
 /// The time that one photo or many photos take, in seconds on the rig's clock. The sum over a session is
 /// [`Effort::seconds`](crate::measure::Effort::seconds). `refresh` and `settle` depend on the projector, `expose` depends on the light, and
-/// the rest depends on this program and its connections.
+/// the other parts depend on this program and its connections.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Times {
     /// Drawing frames, sending them to the projector, and reading them back before and after the photo.
     pub show: f64,
-    /// Waiting until the next refresh of the projector showed the frame, as confirmed.
+    /// Waiting for the confirmation that a refresh of the projector showed the frame.
     pub refresh: f64,
     /// Waiting for further refreshes, and for the settle time of the calibration.
     pub settle: f64,
@@ -105,7 +105,7 @@ pub struct Times {
     pub expose: f64,
     /// Setting and triggering the camera, transferring frames, and refused tries.
     pub transfer: f64,
-    /// Everything else: processing photos and writing the journal.
+    /// All other work: processing photos and writing the journal.
     pub process: f64,
 }
 
@@ -182,7 +182,6 @@ mod tests {
     }
 }
 
-/// A rig for tests. A function of the request and of the wait before the exposure makes the counts of each photo.
 #[cfg(test)]
 pub(crate) mod simulated {
     use super::{CameraInfo, CaptureRequest, Effort, FrameSource, ProjectorInfo, RawFrame, Result};

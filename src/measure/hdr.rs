@@ -1,4 +1,5 @@
-//! From takes at several exposures to one photo: averaging, ambient light, and merging (O'Toole and Kutulakos, sections 7.2 and 8.2).
+//! From repeated frames at several exposures to one photo: averaging, ambient light, and merging (O'Toole and Kutulakos, sections 7.2 and
+//! 8.2).
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -9,7 +10,8 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::Frame;
 
-/// The mean of several takes at one exposure. Values are samples of the camera, interleaved as in [`crate::rig::RawFrame`].
+/// The mean of several takes (repeated frames) at one exposure. Values are samples of the camera, interleaved as in
+/// [`crate::rig::RawFrame`].
 #[derive(Clone, Debug)]
 pub(crate) struct AveragedExposure {
     /// The exposure of one take, in seconds.
@@ -27,7 +29,7 @@ pub(crate) struct AveragedExposure {
     pub(crate) saturated: Vec<bool>,
 }
 
-/// Captures `frame` at `exposure` seconds once for each number in `takes`, and averages.
+/// Captures `frame` at `exposure` seconds once for each number in `takes`, and averages the takes.
 pub(crate) fn average(
     frames: &mut dyn FrameSource,
     curve: &CameraCurve,
@@ -55,7 +57,7 @@ pub(crate) fn average(
         if take == takes.start {
             (sum.started, sum.exposure) = (raw.started, raw.exposure);
         }
-        // The scatter is the sum of squared differences to the mean so far (Welford 1962).
+        // During this loop, the scatter is the sum of squared differences from the mean of the takes so far (Welford 1962).
         let before = f64::from(take - takes.start);
         for (sample, &count) in raw.counts.iter().enumerate() {
             let light = curve.linear(count);
@@ -105,13 +107,13 @@ pub(crate) struct BlackPhotos {
 // R = Σ w_e R_e,   w_e ∝ t_e² / var L_e,   Σ w_e = 1
 // ```
 //
-// The variance is the variance of the *expected* count `B_e + R t_e`, which follows from the merged rate, not of the measured sample. A
-// sample that is low by chance would have a lower variance and so a greater weight, and the result would be low by about one DN. Weights by
-// the merged rate have no bias to first order: `w_e var R_e` is the same for all exposures. The merged rate is thus equally correlated with
-// all of them, and the changes of the weights add up to 0.
+// The formula takes the variance of the *expected* count `B_e + R t_e`, which follows from the merged rate, instead of the variance of the
+// measured sample. A sample that is low by chance would have a lower variance and so a greater weight, and the result would be low by about
+// one DN. Weights from the merged rate have no bias to first order: `w_e var R_e` is the same for all exposures. The merged rate is thus
+// equally correlated with all exposures, and the changes of the weights add up to 0.
 //
-// Saturated samples never enter the sum. Samples of a pixel that is *expected* to saturate do not enter either, because only the low ones
-// lie below saturation. The shorter exposures give the expected value.
+// Saturated samples never enter the sum. Samples of a pixel that is *expected* to saturate do not enter either, because only samples that
+// are low by chance lie below saturation. The shorter exposures give the expected value.
 
 /// The expected count must lie this many standard deviations below saturation.
 const HEADROOM: f64 = 4.0;
@@ -125,11 +127,11 @@ pub(crate) struct RateFrame {
     /// The start of the first exposure, in seconds on the rig's clock.
     pub(crate) started: f64,
     pub(crate) values: Vec<f64>,
-    /// The variances of the rates. They leave out the black photo, which all photos share.
+    /// The variances of the rates, without the variance of the black photo, which all photos share.
     pub(crate) variance: Vec<f64>,
-    /// The subtracted share of each exposure's black rate, one plane per exposure. It is `None` for a single exposure, with a share of 1.
+    /// The subtracted share of each exposure's black rate, one plane per exposure. It is `None` for a single exposure, whose share is 1.
     pub(crate) shares: Option<Vec<Vec<f64>>>,
-    /// The factor of the drift correction. The shares must be multiplied by it.
+    /// The factor of the drift correction. The shares must be multiplied by this factor.
     pub(crate) scale: f64,
 }
 
@@ -183,7 +185,8 @@ pub(crate) fn merge(
     }
 }
 
-/// The error for pixels that are saturated in every exposure. `pixel` is the first one, and `shortest` the shortest exposure in seconds.
+/// The error for pixels that are saturated in every exposure. `pixel` is the first of them, and `shortest` is the shortest exposure in
+/// seconds.
 pub(crate) fn saturated(pixel: usize, count: usize, shortest: f64, camera: Resolution) -> Error {
     let are = if count == 1 { " is" } else { "s are" };
     let (column, row) = (pixel % camera.width, pixel / camera.width);
@@ -195,7 +198,7 @@ pub(crate) fn saturated(pixel: usize, count: usize, shortest: f64, camera: Resol
     Error::saturated("camera", fault).help(help)
 }
 
-/// The value and the variance of one sample. The `weights` of its exposures are written. It is `None` when no exposure can be used.
+/// The value and the variance of one sample, or `None` when no exposure can be used. The weights of the exposures are written to `weights`.
 fn merge_sample(
     exposed: &[AveragedExposure],
     blacks: &[AveragedExposure],
@@ -281,7 +284,7 @@ mod tests {
         (merged.values[0], merged.shares.iter().flatten().map(|share| share[0]).collect())
     }
 
-    /// Weighted by measured variances, the lower of two samples would count more, and every photo would be too dark.
+    /// With weights from measured variances, the lower of two samples would count more, and every photo would be too dark.
     #[test]
     fn exposures_of_the_same_time_count_alike_whichever_is_brighter_by_chance() {
         for samples in [[10.0, 30.0], [30.0, 10.0], [0.0, 5.0]] {

@@ -1,6 +1,6 @@
 //! The records of a journal: raw frames, patterns and devices as bytes.
 //!
-//! The metadata is JSON. Numbers of 64-bit precision are strings in it, as the shortest decimal that reads back as the same bits.
+//! The metadata is JSON. In this JSON, 64-bit floating-point numbers are strings: the shortest decimals that read back as the same bits.
 
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -176,7 +176,7 @@ pub(crate) fn decode_devices(bytes: &[u8]) -> Option<(ProjectorInfo, CameraInfo)
     ))
 }
 
-/// The sum of the costs of two sessions. Its `seconds` is the larger of the two, because the clock continues.
+/// The sum of the costs of two sessions. Its `seconds` are the larger of the two values, because the clock continues.
 pub(crate) fn sum(first: &Effort, second: &Effort) -> Effort {
     Effort {
         shown: first.shown + second.shown,
@@ -212,7 +212,7 @@ mod tests {
     use super::*;
     use crate::image::Resolution;
 
-    /// The comparison is exact to the last bit, which numbers in JSON may lose.
+    /// The comparison is exact to the last bit, which JSON numbers may lose.
     #[test]
     fn devices_are_read_as_they_were_written() {
         let resolution = Resolution::new(8, 6);

@@ -10,15 +10,16 @@ use crate::error::{Error, Result};
 use crate::journal::{Damage, Journal, Key, Kind};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
-/// Opens the rig. With a stamp, the session continues after the photo of that stamp. A virtual rig is then in exactly the same state.
+/// Opens the rig. With a stamp, the session continues after the photo of that stamp. A virtual rig then has exactly its state after that
+/// photo.
 pub type Opener<'a> = Box<dyn FnMut(Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> + Send + 'a>;
 
-/// A frame source with a journal. A frame in the journal is read from it. Any other frame is taken by the
-/// rig, written to the journal, and only then returned.
+/// A frame source with a journal. A frame that the journal holds is read from the journal. Any other frame is taken by the rig, written to
+/// the journal, and only then returned.
 ///
-/// The rig is opened when the first photo is missing, so that a finished run can be repeated without the rig.
-/// A photo that was lost to damage is taken again after the stamp of the photo before it. The frames of a
-/// virtual rig are a function of their number and time, so the new photo equals the lost one bit for bit.
+/// The rig is opened when the journal lacks a requested photo, so that a finished run can be repeated without the rig. A photo that was
+/// lost to damage is taken again after the stamp of the photo before it. The frames of a virtual rig are a function of their number and
+/// time, so the new photo equals the lost photo bit for bit.
 pub struct JournaledFrames<'a> {
     journal: Journal,
     opener: Option<Opener<'a>>,
@@ -40,7 +41,8 @@ impl<'a> JournaledFrames<'a> {
     /// Continues a journal, new or old. With a new journal, the rig is opened at once to record its devices.
     ///
     /// # Errors
-    /// [`Error::Rig`] when the rig cannot be opened or is not the journal's; [`Error::Journal`] when the journal cannot be read or written.
+    /// [`Error::Rig`] when the rig cannot be opened or does not match the journal; [`Error::Journal`] when the journal cannot be read or
+    /// written.
     pub fn new(mut journal: Journal, mut opener: Opener<'a>) -> Result<Self> {
         let known = journal.read_note(DEVICES)?;
         let (devices, inner) = match known {
@@ -57,7 +59,7 @@ impl<'a> JournaledFrames<'a> {
         Ok(Self { inner, ..journaled })
     }
 
-    /// Returns the frames of the journal alone, without a rig.
+    /// A source that returns only the frames of the journal, without a rig.
     ///
     /// # Errors
     /// [`Error::Journal`] when the journal does not name the devices of its photos.
@@ -107,8 +109,8 @@ impl<'a> JournaledFrames<'a> {
         notes.max_by_key(|note| note.id).map_or_else(Effort::default, |note| note.effort)
     }
 
-    /// All photos in the journal with the frames that were shown, in the order in which they were taken. The
-    /// iterator reads each photo when it reaches it. It skips damaged photos.
+    /// All photos in the journal with the frames that were shown, in the order in which they were taken. The iterator reads each photo when
+    /// it is reached, and skips damaged photos.
     pub fn pairs(&mut self) -> impl Iterator<Item = Result<JournaledPhoto>> + '_ {
         let keys = self.order.keys();
         keys.into_iter().filter_map(|key| JournaledPhoto::read(&mut self.journal, key).transpose())
@@ -142,7 +144,7 @@ impl<'a> JournaledFrames<'a> {
     /// Takes a photo with the rig in its state after the photo of stamp `after`.
     fn take(&mut self, request: &CaptureRequest, after: Option<Stamp>) -> Result<(RawFrame, Stamp)> {
         if self.inner.as_ref().is_none_or(|(_, stamp)| *stamp != after) {
-            // The old rig is closed before the new one is opened.
+            // The old rig is closed before the new rig is opened.
             if let Some((inner, _)) = self.inner.take() {
                 self.effort = journal_records::sum(&self.effort, &inner.effort());
             }
@@ -220,7 +222,8 @@ impl FrameSource for JournaledFrames<'_> {
         let (after, before) = self.order.place(key, self.last);
         let (mut frame, mut stamp) = self.take(request, after)?;
         if before.is_some_and(|next| stamp.id >= next) {
-            // The frame number does not fit into the gap, so the photo cannot replace the lost one. It is taken at the end.
+            // The frame number does not fit into the gap, so the photo cannot replace the lost photo. The photo is taken again, after the
+            // last photo.
             (frame, stamp) = self.take(request, self.order.last())?;
         }
         frame.check()?;
@@ -302,12 +305,12 @@ impl CaptureOrder {
         self.photos.values().next_back().map(|(stamp, _)| *stamp)
     }
 
-    /// The place of a missing photo: the stamp of the photo before it, and the frame number that it must stay
-    /// below. `last` is the photo that was returned last.
+    /// The place of a missing photo: the stamp of the photo before it, and the upper bound of its frame number. `last` is the photo that
+    /// was returned last.
     ///
-    /// A damaged photo with a known stamp comes after the photo before it. If `last` is followed by a gap,
-    /// the missing photo is assumed to be the one that was lost there, because a repeated run asks for its
-    /// photos in the order in which they were taken. Any other photo is new and comes after all others.
+    /// A damaged photo with a known stamp keeps its place after the photo before it. If `last` is followed by a gap, the missing photo is
+    /// assumed to be the photo that was lost there, because a repeated run asks for its photos in the order in which they were taken. Any
+    /// other photo is new and comes after all others.
     pub(crate) fn place(&self, key: Key, last: Option<Stamp>) -> (Option<Stamp>, Option<u64>) {
         let lost = self.photos.values().find(|(_, known)| *known == key).map(|(stamp, _)| stamp.id);
         if let Some(id) = lost {

@@ -25,8 +25,8 @@ pub struct LensMap {
     pub camera: Resolution,
     /// The projector's pixels.
     pub projector: Resolution,
-    /// The first eight entries of the homography, row by row. The ninth is 1. It maps undistorted normalized
-    /// camera coordinates (0 at the centre, 1 at the corner) to normalized projector coordinates.
+    /// The first eight entries of the homography, row by row. The ninth entry is 1. The homography maps undistorted normalized camera
+    /// coordinates (0 at the centre, 1 at the corner) to normalized projector coordinates.
     pub homography: [f64; 8],
     /// The coefficients `k₁` and `k₂` of the radial distortion.
     pub distortion: [f64; 2],
@@ -138,7 +138,7 @@ mod tests {
 
     const P: [f64; PARAMETERS] = [1.1, 0.2, 0.05, -0.15, 0.9, -0.1, 0.3, -0.25, -0.2, 0.1];
 
-    /// The distortion at (0.6, −0.8), where r = 1, is 0.9. The distorted point is (0.54, −0.72), at a depth of 1.342.
+    /// The distortion at (0.6, −0.8), where r = 1, is 0.9. The distorted point is (0.54, −0.72), with a homogeneous coordinate of 1.342.
     #[test]
     fn a_point_is_distorted_then_mapped_and_both_as_written_above() {
         let (at, _) = evaluate(&P, [0.6, -0.8]);
@@ -163,7 +163,7 @@ mod tests {
                 let (more, less) = (moved(1e-5), moved(-1e-5));
                 for axis in 0..2 {
                     let slope = (more[axis] - less[axis]) / 2e-5;
-                    // The error of a central difference is the square of the step, plus rounding divided by the step.
+                    // The error of a central difference is of the order of the squared step, plus the rounding error divided by the step.
                     assert!((slopes[axis][parameter] - slope).abs() < 1e-8, "{parameter} {axis}");
                 }
             }
@@ -178,7 +178,7 @@ mod tests {
         assert_eq!(denormalized([0.8, -0.6], raster), [8.0, 0.0]);
         let (camera, homography) = (raster, [1.0, 0.0, 0.1, 0.0, 1.0, -0.2, 0.0, 0.0]);
         let map = LensMap { camera, projector: Resolution::new(16, 12), homography, distortion: [0.0; 2] };
-        // The map doubles, then shifts by a tenth of ten pixels to the right and by two pixels up.
+        // The map doubles coordinates, then shifts points by a tenth of ten pixels to the right and by two pixels up.
         assert_eq!(map.to_projector([4.0, 3.0]), [9.0, 4.0]);
     }
 

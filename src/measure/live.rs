@@ -1,8 +1,8 @@
 //! Raw frames from open devices. Each returned frame was exposed while its pattern was on screen, and no frame is returned twice.
 //!
-//! A frame of the camera is accepted when three conditions hold. It is new, so its number is larger than the number of every earlier frame.
-//! Its exposure time is the one that was set. Its exposure began after the pattern had settled and after every earlier frame. Other frames
-//! are counted, refused and taken again, up to a limit. A camera that does not deliver is restarted in between.
+//! A frame of the camera is accepted when three conditions hold. The frame is new, so its number is larger than the number of every earlier
+//! frame. Its exposure time is the exposure that was set. Its exposure began after the pattern had settled and after every earlier frame.
+//! Other frames are counted, refused and taken again, up to a limit. A camera that delivers no frame is restarted between the tries.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::{CaptureRequest, Effort, FrameSource, Times};
 use crate::error::{Error, Result};
 use crate::rig::{CameraInfo, Devices, Frame, ProjectorInfo, RawFrame};
 
-/// The largest relative difference between the exposure of a frame and the set exposure. Some cameras report it as a 32-bit number.
+/// The largest relative difference between the exposure of a frame and the set exposure. Some cameras report a 32-bit number.
 const EXPOSURE_TOLERANCE: f64 = 1e-6;
 
 /// The frame source of open devices.
@@ -22,7 +22,7 @@ pub struct LiveFrames {
     shown: Option<(Arc<Frame>, f64)>,
     /// The exposure that was requested, and the exposure that the camera set.
     exposure: Option<[f64; 2]>,
-    /// The number and the start of the last new frame. The number is unknown after a restart, which may reset it.
+    /// The number and the start of the last new frame. The number is unknown after the camera restarts, which may reset it.
     last: (Option<u64>, f64),
     /// The start of the session, on the rig's clock.
     opened: f64,
@@ -53,14 +53,14 @@ impl LiveFrames {
         done
     }
 
-    /// Shows `frame` unless it is already on screen. Returns the time at which it has settled.
+    /// Shows `frame` unless it is already on screen. Returns the time at which the frame has settled.
     fn show(&mut self, frame: &Arc<Frame>) -> Result<f64> {
         if let Some((shown, at)) = &self.shown
             && (Arc::ptr_eq(shown, frame) || shown == frame)
         {
             return Ok(at + self.settle);
         }
-        // If this fails, the content of the screen is unknown.
+        // If showing the frame fails, the content of the screen is unknown.
         self.shown = None;
         let at = self.timed(|times| &mut times.show, |devices| devices.projector.show(frame))?.at;
         let (waited, times) = (self.devices.projector.waited(), &mut self.effort.times);
@@ -153,7 +153,8 @@ impl LiveFrames {
         Error::rig(self.devices.camera.info().name.clone(), fault).help(help)
     }
 
-    /// The error for frames that were all refused since the effort was `before`, while `missing` packets never came.
+    /// The error for a request whose frames were all refused. `before` is the effort before it, and `missing` counts packets that never
+    /// came.
     fn give_up(&self, before: &Effort, missing: u64) -> Error {
         let now = &self.effort;
         let [dropped, incomplete] = [now.dropped - before.dropped, now.incomplete - before.incomplete];
@@ -231,7 +232,7 @@ impl FrameSource for LiveFrames {
     fn effort(&self) -> Effort {
         let seconds = self.devices.clock.now() - self.opened;
         let (times, losses) = (self.effort.times, self.devices.camera.losses());
-        // With a simulated clock, only rounding errors remain. They may be negative.
+        // With a simulated clock, the difference is only a rounding error, which may be negative.
         let process = (seconds - times.sum()).max(0.0);
         Effort {
             seconds,

@@ -18,8 +18,8 @@ use crate::transport::Part;
 
 /// A measured rig: it takes raw frames, and makes photos and products from them.
 ///
-/// Each photo is taken when it is first needed. The first ones are test photos of white (unless the options give exposures), then black and
-/// white. The set of photos depends only on the options, the calls and the earlier frames, so that a journal can replay them.
+/// Each photo is taken when it is first needed. The first photos are test photos of white (unless the options give exposures), then photos
+/// of black and white. The set of photos depends only on the options, the calls and the earlier frames, so that a journal can replay them.
 ///
 /// All results are on the projector's pixels, in linear DN per second for a full-range pattern. Pixels that no camera pixel sees are
 /// masked: they are never lit, and their values are 0.
@@ -34,9 +34,9 @@ pub struct Measurement {
     pub(crate) options: MeasureOptions,
     luma: bool,
     symmetry: Symmetry,
-    /// The photo of the brightest frame, for each of the camera's channels.
+    /// The photo of the brightest frame, with one plane for each of the camera's channels.
     pub(crate) full_white: Option<Arc<Vec<Plane>>>,
-    /// The photo under even white.
+    /// The photo of white after the projector's uneven brightness is corrected.
     pub(crate) white: Option<Photo>,
     pub(crate) direct: Option<Arc<DirectMatrix>>,
     pub(crate) last: Option<Plane>,
@@ -111,7 +111,8 @@ impl Measurement {
         self
     }
 
-    /// Declares whether the rig is coaxial, so that `A = Aᵀ`. Its projector and camera have the same pose and lens. The default is coaxial.
+    /// Declares whether the rig is coaxial. Projector and camera then have the same pose and lens, so that `A = Aᵀ`. The default is
+    /// coaxial.
     #[must_use]
     pub fn declared(mut self, symmetry: Symmetry) -> Self {
         self.symmetry = symmetry;
@@ -143,7 +144,7 @@ impl Measurement {
         &self.seen
     }
 
-    /// The costs so far.
+    /// The costs of the session so far.
     pub fn effort(&self) -> Effort {
         self.pipeline.frames.effort()
     }
@@ -158,12 +159,12 @@ impl Measurement {
         Ok(self.pipeline.references()?.exposures.clone())
     }
 
-    /// The share of the camera's samples that are saturated in at least one exposure of the white photo. Shorter exposures replace them.
+    /// The share of the camera's samples that are saturated in some exposure of the white photo. Shorter exposures replace these samples.
     pub fn saturated(&mut self) -> Result<f64> {
         Ok(self.pipeline.references()?.saturated)
     }
 
-    /// The drift of the lamp, measured by the sentinels.
+    /// The drift of the lamp, measured by sentinels (repeated photos of white).
     pub fn drift(&mut self) -> Result<DriftReport> {
         self.pipeline.references()?;
         Ok(self.pipeline.drift.report())
@@ -232,7 +233,8 @@ impl Measurement {
     }
 }
 
-/// The operator `y = P x` for one part and channel of a rig's matrix. Each product takes the photos that it needs, a constant `x` none.
+/// The operator `y = P x`, where `P` is one part and one channel of a rig's matrix. Each product takes the photos that it needs; a constant
+/// `x` needs none.
 ///
 /// The operator is symmetric if [`Measurement::symmetry`] says so, which `krylux audit` tests. A product with the transpose of a
 /// nonsymmetric matrix cannot be photographed: camera and projector would have to change places.

@@ -23,7 +23,8 @@ pub struct MeasureOptions {
     pub compensate_rounding: bool,
     /// Exposures in seconds, the shortest first. They are merged by inverse variance. When empty, they are chosen from photos of white.
     pub exposures: Vec<f64>,
-    /// The largest number of exposures to choose. Each is four times the one before. Another is added while a pixel of white is dark.
+    /// The largest number of exposures to choose. Each exposure is four times the exposure before. Another is added while a pixel of white
+    /// is dark.
     pub brackets: u32,
     /// Frames averaged for each photo.
     pub takes: u32,
@@ -57,11 +58,11 @@ pub struct MeasureOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SignedBy {
-    /// The other form that is predicted to be less noisy.
+    /// The form below, affine or split, that is predicted to be less noisy.
     Auto,
     /// One photo of `(x − a)/(b − a)`, and the white photo that was already taken (O'Toole and Kutulakos, section 7.1).
     Affine,
-    /// Two photos, one of the positive and one of the negative part.
+    /// Two photos: one photo of the positive part and one photo of the negative part.
     Split,
 }
 
@@ -69,13 +70,13 @@ pub enum SignedBy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DitherBy {
-    /// Error diffusion for the global part, because global light is insensitive to high frequencies. Nearest levels otherwise.
+    /// Error diffusion for the global part, because global light is insensitive to high spatial frequencies. Nearest levels otherwise.
     Auto,
     /// Each pixel shows the nearest level. The error at each pixel is the least possible, but the errors of neighbours are correlated.
     None,
     /// Each pixel shows the level below or above at random. The error has twice the variance and is not correlated.
     Random,
-    /// The error of each pixel is passed on to its neighbours, so that only high frequencies have an error (Floyd and Steinberg 1976).
+    /// The error of each pixel is passed on to its neighbours, so that it has only high spatial frequencies (Floyd and Steinberg 1976).
     Diffusion,
 }
 
@@ -83,7 +84,7 @@ pub enum DitherBy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DirectBy {
-    /// Shifted patterns of high frequency measure it (Nayar et al. 2006).
+    /// Shifted patterns of high spatial frequency measure the direct light (Nayar et al. 2006).
     Patterns,
     /// The direct light is not measured and cannot be removed.
     None,
@@ -115,7 +116,7 @@ impl Default for MeasureOptions {
     }
 }
 
-/// The largest number of takes of one frame. Larger take numbers, starting at this one, belong to the sentinels.
+/// The largest number of takes (repeated photos) of one frame. Take numbers from this number on belong to the sentinels.
 pub(crate) const MOST_TAKES: u32 = 65_536;
 
 impl MeasureOptions {
@@ -177,7 +178,7 @@ pub struct RigRecord {
     /// The relative standard error of the white photo.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub noise: Option<f64>,
-    /// The largest relative change of white during the run, measured by the sentinels.
+    /// The largest relative change of white during the run, measured by repeated photos of white.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub drift: Option<f64>,
     /// Findings from the photos: whether the rig sees the projector, whether its light is steady, and whether light travels alike in both

@@ -21,7 +21,7 @@ pub(crate) struct PhotoPipeline {
     pub(crate) curve: CameraCurve,
     /// Whether each camera pixel is used by some projector pixel.
     pub(crate) used: Vec<bool>,
-    /// The frame that lights every pixel that is not masked.
+    /// The frame that lights every projector pixel that the camera sees.
     pub(crate) white: Arc<Frame>,
     pub(crate) black: Arc<Frame>,
     pub(crate) options: MeasureOptions,
@@ -34,7 +34,7 @@ pub(crate) struct PhotoPipeline {
     since_white: u32,
     /// The number of sentinels between the run's patterns. Sentinels at an end of the run do not count.
     sentinels: u32,
-    /// The take of the last sentinel at an end of the run.
+    /// The take number of the last sentinel at an end of the run.
     last: Option<u32>,
 }
 
@@ -46,13 +46,13 @@ pub(crate) struct ReferencePhotos {
     pub(crate) white: Arc<RateFrame>,
     /// The share of the used samples that are saturated in at least one exposure of white.
     pub(crate) saturated: f64,
-    /// White at the shortest exposure. Sentinels are compared with it.
+    /// The photo of white at the shortest exposure, with which sentinels are compared.
     reference: AveragedExposure,
 }
 
 impl PhotoPipeline {
-    /// The pipeline of the frames of a rig. `used` tells for each camera pixel whether some projector pixel uses it, and `white` lights every
-    /// pixel that is not masked.
+    /// The pipeline of the frames of a rig. `used` tells for each camera pixel whether some projector pixel uses it, and `white` lights
+    /// every projector pixel that the camera sees.
     pub(crate) fn new(
         frames: Box<dyn FrameSource>,
         curve: CameraCurve,
@@ -94,8 +94,8 @@ impl PhotoPipeline {
         Ok(Arc::new(seen))
     }
 
-    /// Takes a sentinel at the end of a run's photos, unless no pattern was shown since white. A run that continues with more patterns
-    /// takes its other sentinels as if this one had not been taken.
+    /// Takes a sentinel at the end of a run's photos, unless no pattern was shown since the last photo of white. A run that continues with
+    /// more patterns takes its other sentinels as if this sentinel had not been taken.
     pub(crate) fn look_again(&mut self) -> Result<()> {
         let take = 2 * MOST_TAKES + self.shown.len() as u32;
         if self.since_white > 0 && self.last != Some(take) {
@@ -199,8 +199,8 @@ impl PhotoPipeline {
 //
 // A sentinel is a photo of white that is repeated after a fixed number of patterns. The brightness of the lamp is the sentinel's light
 // relative to the first white photo. A photo is corrected as soon as it is taken, so the brightness at its time is extrapolated from the
-// last two sentinels. For a replayed photo between two sentinels it is interpolated. Times come from the frames, so a replay makes the same
-// corrections.
+// last two sentinels. For a replayed photo between two sentinels, the brightness is interpolated. The times are stored with the frames, so
+// a replay makes the same corrections.
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LampDrift {

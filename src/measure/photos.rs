@@ -17,14 +17,14 @@ use crate::image::{Image, Resolution};
 use crate::operator::Symmetry;
 use crate::transport::Part;
 
-/// A rig that was not calibrated is refused when its half light is off by more than this share of white.
+/// A rig that was not calibrated is refused when a photo's total light is off from proportion by more than this share of white.
 const PROPORTIONAL: f64 = 0.03;
 
-/// The correlation of a photo with the pattern that was shown must be at least this. With a wrong pixel map it is 0 ± 0.13 for 64 squares.
+/// The least accepted correlation of a photo with the pattern that was shown. With a wrong pixel map, it is 0 ± 0.13 for 64 squares.
 const LEAST_CORRELATION: f64 = 0.5;
 
-/// Sums over all pixels of the products of any two of white `w`, white times pattern `h`, and photo `y`, for the correlation of photo and
-/// pattern.
+/// Sums over all pixels of the products of any two of these three: white `w`, white times pattern `h`, and photo `y`. The correlation of
+/// photo and pattern follows from these sums.
 #[derive(Default)]
 struct Likeness([[f64; 3]; 3]);
 
@@ -38,7 +38,7 @@ impl Likeness {
         }
     }
 
-    /// The correlation of pattern and photo after the part that each shares with white is removed.
+    /// The finding about the correlation of pattern and photo. First, the component along white is removed from both.
     fn finding(&self) -> Finding {
         let [[ww, of_white @ ..], ..] = self.0;
         let rest = |a: usize, b: usize| {
@@ -74,11 +74,11 @@ impl Measurement {
         Ok(self.white.insert(white).clone())
     }
 
-    /// The black photo: the light without a pattern. It is taken once. It is unknown, and 0, when the ambient stage is switched off.
+    /// The black photo: the light without a pattern. It is taken once. It is unknown, and 0, if the ambient stage is off.
     pub fn ambient(&mut self) -> Result<Photo> {
         let channels = self.camera_channels();
         let references = self.pipeline.references()?;
-        // The longest exposure has the least noise where it is not saturated. The white photo shows that the black one is not saturated.
+        // The longest exposure has the least noise. The white photo has shown that the black photo is not saturated.
         let Some((black, variance)) = references.blacks.exposed.last().zip(references.blacks.variance.last())
         else {
             let planes = vec![Plane::zero(self.registration.projector.pixels()); channels];
@@ -110,9 +110,9 @@ impl Measurement {
     }
 
     /// Examines the photo of one pattern. The photo must show the pattern where the pixel map expects it. For a rig that was not
-    /// calibrated, it must also be in proportion to what was shown. The pattern has random squares. Where projector and camera stand apart,
-    /// each pixel sees other pixels, and the pattern is half of the light everywhere. Proportion is not tested when the responses are
-    /// switched off, because levels and counts are then meant to be used as they are.
+    /// calibrated, the photo must also be in proportion to the shown light. The pattern has random squares. If projector and camera stand
+    /// apart, each pixel sees other pixels, so the pattern has half of the light everywhere. Proportion is not tested when the responses
+    /// are switched off, because levels and counts are then used as they are.
     ///
     /// # Errors
     /// [`Error::Rig`] when photos are not in proportion, and the errors of taking the photos.
@@ -152,7 +152,7 @@ impl Measurement {
         ))
     }
 
-    /// Random squares of a quarter and of three quarters of the light. Each side has at least eight, given enough pixels.
+    /// A pattern of random squares with a quarter or three quarters of the light, at least eight squares along each side if pixels suffice.
     fn squares(&self) -> Vec<f64> {
         let size = self.resolution();
         let side = (size.width.min(size.height) / 8).max(1);
@@ -204,7 +204,7 @@ impl Measurement {
     }
 
     /// Estimates the error of a photo of this pattern that is due to the projector's levels: for each channel, the norm of the light that
-    /// each pixel sends back of the difference between the pattern and its shown version. It takes only the white photo.
+    /// the pixels reflect of the difference between the pattern and its shown version. The estimate takes only the white photo.
     pub fn rounding(&mut self, pattern: &Image) -> Result<Vec<f64>> {
         let mut left: Vec<Vec<f64>> =
             (0..pattern.channels()).map(|channel| self.even_pattern(&pattern.plane(channel))).collect();
@@ -231,7 +231,7 @@ impl Measurement {
         Ok(Arc::clone(self.full_white.insert(white)))
     }
 
-    /// `Σ coefficient · photo + white · A 1` for each of the camera's channels.
+    /// The sum `Σ coefficient · photo + white · A 1` for each of the camera's channels.
     pub(crate) fn sums(&mut self, terms: &[PhotoTerm], white: f64) -> Result<Vec<Plane>> {
         (0..self.camera_channels()).map(|channel| self.sum(terms, white, channel)).collect()
     }

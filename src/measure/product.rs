@@ -6,8 +6,8 @@
 //! direct   D x                                         without a photo
 //! ```
 //!
-//! Here `D` is the direct light ([`DirectMatrix`]), and `a` is the coefficient of the white photo `A 1`. The optional blur is applied to
-//! the vector first and to the finished product last.
+//! Here `c_k` is the coefficient of the photo of pattern `k`, `D` is the direct light ([`DirectMatrix`]), and `a` is the coefficient of the
+//! white photo `A 1`. The optional blur is applied to the vector first and to the finished product last.
 
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ pub(crate) struct PhotoTerm {
 }
 
 impl Measurement {
-    /// The product `A x` with its variance, for one part and channel.
+    /// The product of `x` with one part and one channel of the rig's matrix, and the variance of each entry.
     pub(crate) fn product(&mut self, part: Part, channel: usize, x: &[f64]) -> Result<&Plane> {
         self.check_length("entries of the vector to multiply", x.len())?;
         if x.iter().any(|value| !value.is_finite()) {
@@ -72,8 +72,8 @@ impl Measurement {
         Ok(((0..self.channels()).map(pattern).collect(), self.photo(&planes)))
     }
 
-    /// Photos of the projector's red, green and blue alone: for each primary, the values of the camera's three channels. The result is
-    /// `None` when the projector or the camera is gray.
+    /// Photos of the projector's red, green and blue, each shown alone. For each primary, the result has the values of the camera's three
+    /// channels. It is `None` when the projector or the camera is gray.
     pub fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
         if self.camera_channels() != 3 || self.pipeline.frames.projector().channels != 3 {
             return Ok(None);
@@ -143,7 +143,7 @@ impl Measurement {
         Ok(Signed::choose(target, &self.seen, self.options.signed, &noise))
     }
 
-    /// Shows a pattern in bit planes. Returns their photos.
+    /// Shows a pattern in bit planes, and returns the photos of the bit planes.
     pub(crate) fn capture(
         &mut self,
         coefficient: f64,
@@ -158,14 +158,14 @@ impl Measurement {
         planes.into_iter().map(term).collect()
     }
 
-    /// `Σ coefficient · photo + white · A 1` for one channel of the camera.
+    /// The sum `Σ coefficient · photo + white · A 1` for one channel of the camera.
     pub(crate) fn sum(&mut self, terms: &[PhotoTerm], white: f64, channel: usize) -> Result<Plane> {
         let channels = self.camera_channels();
         let references = self.pipeline.references()?;
         let mut rate_frames: Vec<&RateFrame> = vec![&references.white];
         let mut coefficients = vec![white];
         for term in terms {
-            // The white photo may also be a term. It must not count as a second, independent photo.
+            // The white photo may also be a term. This term must not count as a second, independent photo.
             if Arc::ptr_eq(&term.rate_frame, &references.white) {
                 coefficients[0] += term.coefficient;
             } else {
@@ -200,7 +200,7 @@ impl Measurement {
             None => self.masked(x),
         };
         let pattern = self.even_pattern(&blurred);
-        // The light of a photo is divided at each pixel, so the left vector may be divided as well.
+        // `light` divides each pixel of a photo by a factor. The division of the left vector by the same factors has the same effect.
         let photo = self.light(Plane { variance: vec![0.0; blurred.len()], values: blurred }).values;
         let direct = self.direct_light()?;
         let of_channel =
@@ -226,7 +226,7 @@ impl Measurement {
             None => DirectPatterns::of(&self.registration),
         };
         let (rate_frames, displayed) = match self.photographs(patterns) {
-            // Earlier programs showed squares of two or four pixels in place of codes. Their runs can still be queried.
+            // Earlier versions showed squares of two or four pixels in place of codes. Their runs can still be queried.
             Err(Error::NotTaken { path, fault, help }) if patterns == DirectPatterns::Codes => self
                 .photographs(DirectPatterns::Squares(2))
                 .or_else(|_| self.photographs(DirectPatterns::Squares(4)))

@@ -1,6 +1,6 @@
 //! The registration stage: the pixel map resamples photos from camera to projector pixels (O'Toole and Kutulakos, section 8.1).
 //!
-//! Linear combinations of photos are formed in the same step, because only then the noise that they share is known exactly.
+//! Linear combinations of photos are formed in the same step, because only then is the noise that the photos share known exactly.
 
 use super::calibration::Registration;
 use super::hdr::{BlackPhotos, RateFrame};
@@ -35,7 +35,7 @@ pub(crate) fn choose(
 }
 
 impl Registration {
-    /// The array that does not fit a pixel map, `starts`, `pixels` or `weights`, and its fault.
+    /// The first array that is not valid (`starts`, `pixels` or `weights`), and its fault.
     pub(crate) fn fault(&self) -> Option<(&'static str, String)> {
         let (entries, camera) = (self.pixels.len(), self.camera.pixels());
         let ends = [self.starts.first(), self.starts.last()] == [Some(&0), Some(&entries)];
@@ -66,11 +66,11 @@ impl Registration {
     }
 
     /// The blur that patterns and photos need so that the camera can resolve all their detail, as a standard deviation in projector pixels.
-    /// It is 1 when the camera has fewer than two pixels along a side per projector pixel, else 0.
+    /// The blur is 1 when the camera has fewer than two pixels per projector pixel along a side, else 0.
     ///
-    /// Detail of one pixel takes two samples (the sampling theorem). With fewer, some detail turns into another pattern, which no model of
-    /// direct light explains. A Gaussian of one pixel leaves 0.7 % of the detail that alternates from pixel to pixel. A camera that sees
-    /// each projector pixel by exactly one pixel, without any resampling, needs no blur.
+    /// Detail of one pixel needs two samples (the sampling theorem). With fewer samples, some detail is aliased to another pattern, which
+    /// no model of direct light explains. A Gaussian of one pixel leaves 0.7 % of the detail that alternates from pixel to pixel. A camera
+    /// that sees each projector pixel by exactly one pixel, without any resampling, needs no blur.
     pub fn blur(&self) -> f64 {
         let is_one_to_one = self.starts.windows(2).all(|row| row[1] - row[0] <= 1);
         let mut used = vec![false; self.camera.pixels()];
@@ -98,8 +98,9 @@ impl Registration {
 /// var_i = Σ_j r_ij² ( Σ_m c_m² var_mj  +  Σ_e (Σ_m c_m share_mej)² var B_ej )
 /// ```
 ///
-/// The sums run over camera pixels `j` with weights `r_ij`, photos `m` and exposures `e`. In the difference of two photos, for example, the
-/// black photo cancels. `coefficient(i, m)` is `c_m(i)`. The last argument is the channel's index and the number of channels.
+/// The sums run over camera pixels `j` with weights `r_ij`, photos `m` and exposures `e`. Photo `m` subtracts the share `share_mej` of the
+/// black photo `B_ej`. In the difference of two photos, for example, the black photo cancels. `coefficient(i, m)` is `c_m(i)`. The last
+/// argument is the channel's index and the number of channels.
 pub(crate) fn combine(
     registration: &Registration,
     rate_frames: &[&RateFrame],
@@ -172,7 +173,7 @@ mod tests {
         let mut halved = photo(8.0, 4.0, None);
         halved.scale(0.5);
         assert_eq!(sum(&[&halved], &[1.0], &[16.0]), [4.0, 1.0 + 4.0]);
-        // In the difference of two photos, the black photo cancels without drift. With drift, a part is left.
+        // In the difference of two photos, the black photo cancels without drift. With drift, a part of the black photo is left.
         let other = photo(3.0, 1.0, None);
         assert_eq!(sum(&[&other, &other], &[1.0, -1.0], &[16.0]), [0.0, 2.0]);
         assert_eq!(sum(&[&other, &halved], &[1.0, -1.0], &[16.0]), [-1.0, 1.0 + 1.0 + 0.25 * 16.0]);
@@ -191,7 +192,7 @@ mod tests {
         let of_area = |side: usize| Registration::by_area(four, Resolution::new(side, side)).blur();
         // The camera pixels per 16 projector pixels are 16 (one by one), 36 and 64.
         assert_eq!([of_area(4), of_area(6), of_area(8)], [0.0, 1.0, 0.0]);
-        // Each projector pixel lies between two of the camera's.
+        // Each projector pixel lies between two camera pixels.
         let between = Registration {
             camera: Resolution::new(3, 1),
             projector: Resolution::new(2, 1),

@@ -27,15 +27,15 @@ pub(crate) struct CameraCurve {
     rounding: Vec<f64>,
     /// The linear DN without light. It is 0 when the response is corrected, and the black level otherwise.
     pub(crate) zero: f64,
-    /// The first saturated count.
+    /// The lowest saturated count.
     saturation: f64,
     gain: f64,
     read_variance: f64,
 }
 
 impl CameraCurve {
-    /// The curve of a camera with this many bits. `undo` corrects black level and response. Without it, counts are used as light. Fails
-    /// with [`Error::Dimension`] without one value per count, and with [`Error::Numerical`] at an invalid gain or read noise.
+    /// The curve of a camera with this many bits. `undo` corrects black level and response; without it, counts are used as light. Fails
+    /// with [`Error::Dimension`] unless there is one value per count, and with [`Error::Numerical`] if gain or read noise is invalid.
     pub(crate) fn new(response: &CameraResponse, bits: u32, undo: bool) -> Result<Self> {
         let counts = 1_usize << bits;
         if let Some(curve) = response.curve.as_ref().filter(|curve| curve.len() != counts) {
@@ -91,7 +91,7 @@ impl CameraCurve {
     }
 
     /// The variance, in linear DN², of a sample whose *expected* value is `expected` linear DN. `rounding` is the rounding variance of its
-    /// count. The measured value must not replace the expected one: samples that are low by chance would then seem more certain.
+    /// count. The measured value must not replace the expected value: samples that are low by chance would then seem more certain.
     pub(crate) fn variance(&self, expected: f64, rounding: f64) -> f64 {
         let dark = self.read_variance + rounding;
         ((expected - self.zero) / self.gain + dark).max(LEAST_VARIANCE * dark)
@@ -116,8 +116,8 @@ pub(crate) struct ProjectorCurve {
 }
 
 impl ProjectorCurve {
-    /// The curve of a projector with this many bits: the measured curve with `undo`, and a linear one without it. Fails with
-    /// [`Error::Dimension`] without one value per level, and with [`Error::Numerical`] when it does not ascend from 0 to 1.
+    /// The curve of a projector with this many bits: the measured curve with `undo`, and a linear curve without it. Fails with
+    /// [`Error::Dimension`] unless the curve has one value per level, and with [`Error::Numerical`] unless it ascends from 0 to 1.
     pub(crate) fn new(curve: &[f64], bits: u32, undo: bool) -> Result<Self> {
         let levels = 1_usize << bits;
         if curve.len() != levels {
@@ -164,7 +164,7 @@ impl ProjectorCurve {
     }
 }
 
-/// The difference of two frames of one capture request, relative to the predicted noise.
+/// The difference between two frames of one capture request, relative to the predicted noise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct NoiseRatio {
     /// The root mean square of the differences, each divided by its predicted standard deviation. It is 1 for noise as predicted.
@@ -211,7 +211,7 @@ pub fn noise_ratio(
         .iter()
         .map(|&[a, b]| {
             let [first, second] = [curve.linear(a), brightness * curve.linear(b)];
-            // The expected value of both is their mean.
+            // The expected value of both samples is their mean.
             let variance = curve.variance(0.5 * (first + second), curve.rounding(a));
             (first - second).powi(2) / (variance * (1.0 + brightness * brightness))
         })
@@ -293,7 +293,8 @@ mod tests {
             let found = noise_ratio(&frame(1, times, 1.0), &frame(2, times, brightness), &response, 12);
             found.expect("frames of one size").expect("samples that are not saturated").ratio
         };
-        // 4096 samples give the root mean square to 1.1 %, and the tolerance is four times that. Rounding adds 1/12 to at least 25.
+        // 4096 samples give the root mean square to 1.1 %, and the tolerance is four times that. Rounding adds 1/12 to a variance of at
+        // least 25.
         assert!((ratio(1.0, 1.0) - 1.0).abs() < 0.045, "{}", ratio(1.0, 1.0));
         assert!((ratio(2.0, 1.0) - 2.0).abs() < 0.09, "{}", ratio(2.0, 1.0));
         assert!((ratio(1.0, 1.05) - 1.0).abs() < 0.045, "{}", ratio(1.0, 1.05));

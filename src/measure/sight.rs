@@ -1,6 +1,6 @@
-//! Whether a rig sees its projector, and whether its light is steady. These findings use photos of black and white that a run takes anyway.
+//! Tells whether a rig sees its projector, and whether its light is steady, from photos of black and white that a run takes anyway.
 //!
-//! | finding | from | frames more |
+//! | finding | from | additional frames |
 //! |---|---|---|
 //! | `light` | white, and repeated black photos, before the first pattern | two of black for each exposure, where fewer were taken |
 //! | `drift` | white, repeated during the run and once more at its end | one |
@@ -18,11 +18,11 @@ use crate::image::Resolution;
 /// without any light of the projector.
 const SEEN: f64 = 10.0;
 
-/// The share of the pixels of the pixel map that must see the projector.
+/// The least share of the pixels of the pixel map that must see the projector.
 const LEAST: f64 = 0.5;
 
-/// The light of white may change by this share from one photo of it to the next. A line corrects the photos between them, and the
-/// continuation of this line corrects the photos after the last one. An error of this size may therefore remain.
+/// The largest accepted change of white's light, as a share, from one photo of white to the next. A line corrects the photos between two
+/// photos of white, and its continuation corrects the photos after the last photo of white. An error of this size may therefore remain.
 const STEP: f64 = 0.05;
 
 impl Measurement {
@@ -156,8 +156,8 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
-    /// The finding of a bench of eight by eight pixels. `noise`, `room` and `white` are counts of noise, of room light and of white. Room
-    /// light changes by the share `change` from photo to photo.
+    /// The finding about a simulated rig of eight by eight pixels. `noise`, `room` and `white` are counts of noise, of room light and of
+    /// white. Room light changes by the share `change` from photo to photo.
     fn found(seed: u64, [noise, room, white, change]: [f64; 4], options: &MeasureOptions) -> Finding {
         let mut random = Pcg64::seed_from_u64(seed);
         let photo = move |request: &CaptureRequest, _| {
@@ -188,7 +188,7 @@ mod tests {
                 MeasureOptions { exposures: exposures.clone(), black_takes: 1, ..MeasureOptions::default() },
                 MeasureOptions { exposures, ambient: false, ..MeasureOptions::default() },
             ];
-            // Two photos of black may share a change by chance, which is not seen. Only the noise of pixels is seen.
+            // Two photos of black may change alike by chance. Such a change is not seen; only the noise of pixels is seen.
             let change = if seed % 3 == 0 { change } else { 0.0 };
             let options = &options[seed as usize % 3];
             let blind = found(seed, [noise, room, 0.0, change], options);

@@ -5,8 +5,9 @@
 //! split    A x = p A(x⁺/p) − q A(x⁻/q),    p = max x⁺,  q = max x⁻
 //! ```
 //!
-//! `A 1` is the white photo, which is taken only once. The affine form costs one photo. The split form costs
-//! two, or one when `x` has only one sign. A constant `x = a` costs none.
+//! Here `a` and `b` are the least and the largest value of `x`, and `x⁺` and `x⁻` are its positive and negative part. `A 1` is the white
+//! photo, which is taken only once. The affine form costs one photo. The split form costs two, or one when `x` has only one sign. A
+//! constant `x` costs none.
 
 use super::options::{MeasureOptions, SignedBy};
 use super::photo_pipeline::ReferencePhotos;
@@ -22,8 +23,8 @@ pub(crate) struct Signed {
 }
 
 impl Signed {
-    /// The affine form `(x − a)/(b − a)`. `a` is the least and `b` the largest value of `x` over the pixels
-    /// that are not masked. The form is 0 at the masked pixels, like the white pattern.
+    /// The affine form `(x − a)/(b − a)`, where `a` is the least and `b` the largest value of `x` over the pixels that are not masked. At
+    /// the masked pixels, the form is 0, like the white pattern.
     pub(crate) fn affine(x: &[f64], seen: &[bool]) -> Self {
         let [a, b] = range(x, seen);
         if a == b {
@@ -78,14 +79,14 @@ fn range(x: &[f64], seen: &[bool]) -> [f64; 2] {
 
 /// Predicts the total variance of photos over all projector pixels, from the white photo and the camera's noise model.
 ///
-/// The total light of the photo of a pattern `g` is `⟨1, A g⟩ = ⟨A 1, g⟩`, because `A = Aᵀ`. The white photo
-/// `A 1` thus gives it for every pattern. The distribution of the light over the pixels matters only where
-/// exposures are merged. It is assumed to be the distribution of white.
+/// The total light of the photo of a pattern `g` is `⟨1, A g⟩ = ⟨A 1, g⟩`, because `A = Aᵀ`. The white photo `A 1` thus gives the total
+/// light for every pattern. The distribution of the light over the pixels matters only where exposures are merged. This distribution is
+/// assumed to be that of white.
 pub(crate) struct NoisePrediction<'a> {
     pub(crate) curve: &'a CameraCurve,
     pub(crate) options: &'a MeasureOptions,
     pub(crate) references: &'a ReferencePhotos,
-    /// The weight of each camera pixel's variance in the total.
+    /// The weight of each camera pixel's variance in the total variance.
     pub(crate) importance: &'a [f64],
     /// The camera's channels that make up the measured channel, and their weights.
     pub(crate) channel_weights: &'a [(usize, f64)],

@@ -2,8 +2,8 @@
 //!
 //! A camera pixel sees the mean over its footprint, and each value of a photo is a sum over camera pixels. A photo's value therefore
 //! contains light of neighbouring projector pixels: it is `S y` for the light `y` of the projector's pixels. The pixel map's weights make
-//! `S` nearly the identity where the camera is finer than the projector. Elsewhere, the rest of `S` matters for direct light, which is as
-//! sharp as the pattern.
+//! `S` nearly the identity where the camera is finer than the projector. For a coarser camera, the other entries of `S` matter for direct
+//! light, which is as sharp as the pattern.
 
 use rayon::prelude::*;
 
@@ -11,7 +11,7 @@ use super::calibration::Registration;
 use super::footprint::shares;
 use super::lens_map::LensMap;
 
-/// Entries of `S` below this are left out.
+/// Entries of `S` below this value are left out.
 const LEAST_SHARE: f64 = 1e-4;
 
 /// The matrix `S`, `n × n` for `n` projector pixels, and its transpose.
@@ -108,7 +108,7 @@ impl SparseRows {
         &self.entries[self.starts[row]..self.starts[row + 1]]
     }
 
-    /// The product with `x`, where `weight` transforms each entry.
+    /// The product with `x`, where `weight` transforms each entry of the matrix.
     pub(crate) fn apply(&self, x: &[f64], weight: impl Fn(f64) -> f64 + Sync) -> Vec<f64> {
         let sum = |row: usize| self.row(row).iter().map(|&(at, w)| weight(w) * x[at as usize]).sum();
         (0..self.starts.len() - 1).into_par_iter().map(sum).collect()

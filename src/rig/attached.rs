@@ -1,5 +1,4 @@
-//! The devices attached to this computer, as far as they can be found, and the abilities of cameras, which a separate process reads. A rig
-//! file may name the devices.
+//! Finds the devices that are attached to this computer or named in a rig file, and reads the abilities of cameras in a separate process.
 
 use std::io::Read;
 use std::process::{Command, Stdio};
@@ -24,21 +23,21 @@ pub struct AttachedDevices {
 #[derive(Clone, Debug)]
 pub struct AttachedCamera {
     kind: CameraKind,
-    /// The address, the serial number, the device file or the port.
+    /// The camera's address, serial number, device file or port.
     place: Option<String>,
     /// The lines to print: first kind, address and name, then the abilities.
     pub lines: Vec<String>,
-    /// The reason that its abilities are unknown although they were requested.
+    /// The reason why the camera's abilities are unknown although they were requested.
     pub unknown: Option<String>,
-    /// The same data as an object: `kind` as in a rig file, the identity of the camera, and `abilities` if they are known.
+    /// The data of `lines` as a JSON object: `kind` as in a rig file, the identity of the camera, and `abilities` if they are known.
     pub described: Value,
 }
 
 impl AttachedDevices {
-    /// Searches for monitors and cameras. `display` names the X server; the default is the server of `of_file`, or otherwise of DISPLAY.
-    /// `of_file` has the devices of a rig file, and its camera is asked for its abilities. With `all`, every camera is asked. A process of
-    /// the helper program ([`Helper::find`](super::Helper::find)) reads each camera's description. If a search fails, `note` receives the
-    /// error, and the other searches continue.
+    /// Searches for monitors and cameras. `of_file` has the devices of a rig file. `display` names the X server; the default is the server
+    /// in `of_file`, or otherwise in DISPLAY. The camera of `of_file` is asked for its abilities. With `all`, every camera is asked. A
+    /// process of the helper program ([`Helper::find`](super::Helper::find)) reads each camera's description. If a search fails, `note`
+    /// receives the error, and the other searches continue.
     pub fn find(
         display: Option<&str>,
         of_file: Option<&HardwareRig>,
@@ -87,7 +86,8 @@ impl AttachedDevices {
 }
 
 impl AttachedCamera {
-    /// A camera of this kind. `place` is its address, serial number, device file or port. `line` and `facts` begin with it.
+    /// A camera of this kind. `place` is the camera's address, serial number, device file or port. `line` and `facts` begin with this
+    /// place.
     pub(crate) fn new(kind: CameraKind, place: Option<String>, line: String, facts: Value) -> Self {
         let lines = vec![format!("{} {line}", kind.key())];
         let mut found = Self { kind, place, lines, unknown: None, described: facts };
@@ -101,7 +101,7 @@ impl AttachedCamera {
         self.kind == spec.kind && (place.is_none() || self.place == place)
     }
 
-    /// Adds the abilities of a camera that describes them.
+    /// Reads and adds the abilities of a camera that describes its abilities.
     fn ask_abilities(&mut self) {
         if !matches!(self.kind, CameraKind::Gige | CameraKind::Usb3) {
             return;
@@ -151,9 +151,9 @@ impl std::fmt::Display for Abilities {
 
 /// The longest time for reading a camera's description, which usually takes about a second.
 const PATIENCE: Duration = Duration::from_secs(15);
-/// The address space, in KiB, of the process that reads a description. A description has a few MiB.
+/// The largest address space, in KiB, of the process that reads a description. A description has a few MiB.
 const ADDRESS_SPACE: u64 = 1 << 20;
-/// The largest answer of that process in bytes.
+/// The largest answer, in bytes, of the process that reads a description.
 const MAX_ANSWER: u64 = 1 << 20;
 
 /// Reads a camera's abilities in a process of `helper`. Returns [`Error::Rig`] when the camera does not answer, or when its description

@@ -44,7 +44,7 @@ impl CameraSpec {
 }
 
 impl CameraKind {
-    /// The name in rig files, which is also the feature that a kind of camera needs.
+    /// The kind's name in rig files, which is also the name of the feature that the kind needs.
     pub fn key(self) -> &'static str {
         match self {
             Self::Gige => "gige",
@@ -79,12 +79,12 @@ impl CameraKind {
     }
 }
 
-/// The default range of exposures in seconds. Most machine vision cameras have it.
+/// The default range of exposures in seconds, which most machine vision cameras support.
 fn exposures() -> [f64; 2] {
     [1e-4, 1.0]
 }
 
-/// A description of a machine vision camera that describes its features by GenICam: GigE Vision or USB3 Vision.
+/// A description of a GigE Vision or USB3 Vision camera. Such a camera describes its features by GenICam.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GenicamSpec {
@@ -96,13 +96,13 @@ pub struct GenicamSpec {
     pub serial: Option<String>,
     /// Width and height of the part of the sensor that is read, in photosites.
     pub size: [usize; 2],
-    /// The offset of that part from the sensor's top left photosite, to the right and down.
+    /// The position of the top left photosite that is read, to the right and down from the sensor's top left photosite.
     #[serde(default)]
     pub offset: [usize; 2],
     /// The format in which the camera sends counts.
     #[serde(default)]
     pub pixel_format: PixelFormat,
-    /// How the cells of a colour sensor become pixels.
+    /// The conversion of a colour sensor's cells to pixels.
     #[serde(default)]
     pub colour: Colour,
     /// The count from which a photosite is saturated. `None`: `2^bits − 1`.
@@ -115,7 +115,7 @@ pub struct GenicamSpec {
     /// Seconds to wait for a frame beyond its exposure.
     #[serde(default = "number::<1, _>")]
     pub timeout: f64,
-    /// The largest size of a GigE Vision camera's packet in bytes. `None`: the largest that gets through the network.
+    /// The largest size of a GigE Vision camera's packets in bytes. `None`: the largest packet size that the network passes.
     pub packet_size: Option<u32>,
 }
 
@@ -188,8 +188,8 @@ pub struct V4lSpec {
     /// Seconds to wait for a frame beyond its exposure.
     #[serde(default = "number::<1, _>")]
     pub timeout: f64,
-    /// The number of additional frames to discard before each photo, because the camera itself may have begun them too early. The
-    /// frames that the driver buffers are discarded anyway.
+    /// The number of frames to discard before each photo, besides the frames that the driver buffers. The camera may have begun them too
+    /// early.
     #[serde(default = "number::<2, _>")]
     pub skip: u32,
 }
@@ -200,9 +200,9 @@ pub struct V4lSpec {
 pub enum V4lFormat {
     /// 8 bits of gray.
     Grey,
-    /// 10 bits of gray in 16.
+    /// 10 bits of gray in 16 bits.
     Y10,
-    /// 12 bits of gray in 16.
+    /// 12 bits of gray in 16 bits.
     Y12,
     /// 16 bits of gray.
     #[default]

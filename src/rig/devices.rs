@@ -1,4 +1,4 @@
-//! The traits of devices, [`Projector`], [`Camera`] and [`Clock`], and the three together as [`Devices`].
+//! The traits of devices ([`Projector`], [`Camera`] and [`Clock`]), and the struct [`Devices`], which holds one device of each kind.
 
 use std::time::{Duration, Instant};
 
@@ -6,9 +6,9 @@ use super::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 use crate::error::Result;
 
 /// A device that shows frames. It must implement [`Projector::info`] and [`Projector::show`]. The defaults of the other methods fit a
-/// device whose frame stays on screen until the next one is shown.
+/// device whose frame stays on screen until the next frame is shown.
 pub trait Projector: Send {
-    /// The projector's properties. They do not change while it is open.
+    /// The projector's properties, which do not change while the projector is open.
     fn info(&self) -> &ProjectorInfo;
 
     /// Shows `frame`, and returns when the device confirms that the frame is on screen. The light may appear later:
@@ -18,19 +18,19 @@ pub trait Projector: Send {
     /// [`Error::Rig`](crate::Error::Rig) when the frame does not fit the device (see [`ProjectorInfo::check`]), or the device fails.
     fn show(&mut self, frame: &Frame) -> Result<Shown>;
 
-    /// How long the last [`Projector::show`] waited for refreshes. The default is 0, which means unknown.
+    /// The time that the last [`Projector::show`] waited for refreshes. The default is 0, which means unknown.
     fn waited(&self) -> Waited {
         Waited::default()
     }
 
-    /// Shows the frame that was on screen when an earlier session ended, so that this session can continue it. The default shows it like
-    /// any other frame. A virtual projector overrides this method, because no simulated time passes between sessions.
+    /// Shows the frame that was on screen when an earlier session ended, so that this session can continue the earlier one. The default
+    /// shows the frame like any other frame. A virtual projector overrides this method, because no simulated time passes between sessions.
     fn restore(&mut self, frame: &Frame) -> Result<Shown> {
         self.show(frame)
     }
 
-    /// Confirms that the last frame has been on screen without interruption since it was shown, so that a photo taken meanwhile
-    /// shows this frame. The default is for a device whose frame nothing can cover.
+    /// Confirms that the last frame has been on screen without interruption since it was shown, so that a photo taken meanwhile shows this
+    /// frame. The default suits a device whose frame cannot be covered.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when something else was on screen, or the device fails.
@@ -41,7 +41,7 @@ pub trait Projector: Send {
 
 /// A device that counts light. It must implement [`Camera::info`], [`Camera::configure`] and [`Camera::capture`].
 pub trait Camera: Send {
-    /// The camera's properties. They do not change while it is open.
+    /// The camera's properties, which do not change while the camera is open.
     fn info(&self) -> &CameraInfo;
 
     /// Sets the exposure in seconds, and returns the exposure that the camera really set.
@@ -56,8 +56,8 @@ pub trait Camera: Send {
     /// [`Error::Rig`](crate::Error::Rig) when the camera fails for good.
     fn capture(&mut self) -> Result<Option<RawFrame>>;
 
-    /// Closes the stream of frames of a camera that hangs, and opens it again. The exposure stays as it was set. The default
-    /// does nothing, for a camera without a stream.
+    /// Closes and reopens the stream of frames of a camera that hangs. The exposure stays as it was set. The default does nothing, which
+    /// suits a camera without a stream.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when the camera does not come back.
@@ -65,20 +65,20 @@ pub trait Camera: Send {
         Ok(())
     }
 
-    /// The losses on the way from the camera since it was opened. The default reports none.
+    /// The packets and frames that were lost on the way from the camera since the camera was opened. The default reports no losses.
     fn losses(&self) -> Losses {
         Losses::default()
     }
 }
 
-/// Losses on the way from a camera.
+/// Packets and frames that were lost on the way from a camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Losses {
     /// Packets that were lost and sent again on request.
     pub resent: u64,
-    /// Frames that came without some of their packets. They are discarded.
+    /// Frames that came without some of their packets. These frames are discarded.
     pub incomplete: u64,
-    /// The packets that never came of these incomplete frames.
+    /// Packets that never came, over all incomplete frames.
     pub missing: u64,
 }
 
@@ -97,7 +97,7 @@ impl std::ops::Add for Losses {
 /// The clock of a rig, in seconds. Hardware uses real time ([`WallClock`]), and virtual devices use simulated time. The times
 /// in a projector's confirmations and a camera's frames are read from this clock.
 pub trait Clock: Send {
-    /// Seconds since the rig was opened. A session that continues an earlier one counts on from the end of that session.
+    /// Seconds since the rig was opened. A session that continues an earlier session counts on from the end of the earlier session.
     fn now(&self) -> f64;
 
     /// Lets this many seconds pass. By default the thread sleeps.
@@ -118,9 +118,9 @@ pub struct Shown {
 /// The seconds that a projector spent waiting for refreshes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Waited {
-    /// The wait until the next refresh, which brought the frame.
+    /// The wait until the refresh that brought the frame to the screen.
     pub refresh: f64,
-    /// The wait for the settle refreshes after that one.
+    /// The wait for further refreshes until the frame counts as shown.
     pub settle: f64,
 }
 
@@ -129,7 +129,7 @@ pub struct Waited {
 pub struct Stamp {
     /// The frame's number.
     pub id: u64,
-    /// The end of its exposure, in seconds on the rig's clock.
+    /// The end of the frame's exposure, in seconds on the rig's clock.
     pub time: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Frames are rasters of a projector's levels or of a camera's counts. The properties of both devices are here too.
+//! Frames, which are rasters of a projector's levels or of a camera's counts, and the properties of both devices.
 
 use crate::error::{Error, Result};
 use crate::image::{Resolution, percentile};
@@ -13,7 +13,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame with these levels, laid out as described at the type.
+    /// A frame with these levels, in the layout that [`Frame`] describes.
     ///
     /// # Errors
     /// [`Error::Dimension`] when `channels` is neither 1 nor 3, or the number of levels is not `w·h·channels`.
@@ -44,7 +44,7 @@ impl Frame {
     }
 }
 
-/// A frame of a camera. It holds the counts of one exposure, and the data to verify that it is the expected frame.
+/// A frame of a camera: the counts of one exposure, and the data to verify that this is the expected frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RawFrame {
     /// Size in camera pixels.
@@ -55,15 +55,15 @@ pub struct RawFrame {
     pub counts: Vec<u16>,
     /// The exposure that was really set, in seconds.
     pub exposure: f64,
-    /// The number of the frame, which increases from frame to frame. A gap means that a frame was lost. A repetition means that the same
-    /// frame was returned twice.
+    /// The number of the frame, which increases from frame to frame. A gap between two numbers means that a frame was lost. A repeated
+    /// number means that the same frame was returned twice.
     pub id: u64,
     /// The time at which the exposure began, in seconds on the rig's clock (see [`crate::rig::Clock`]).
     pub started: f64,
 }
 
 impl RawFrame {
-    /// Checks that there is one count for each pixel and channel. Otherwise it returns [`Error::Dimension`].
+    /// Checks that there is one count for each pixel and channel. Returns [`Error::Dimension`] otherwise.
     pub fn check(&self) -> Result<()> {
         check(self.resolution, self.channels, self.counts.len(), "counts of a camera's frame")
     }
@@ -73,7 +73,7 @@ impl RawFrame {
         self.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / self.counts.len() as f64
     }
 
-    /// The count at the quantile `rank`, from 0 to 1, of all counts; 0 without counts.
+    /// The quantile of all counts at `rank`, from 0 to 1. It is 0 if there are no counts.
     pub fn percentile(&self, rank: f64) -> f64 {
         percentile(self.counts.iter().map(|&count| count.into()), rank)
     }
@@ -100,7 +100,7 @@ pub struct ProjectorInfo {
     pub channels: usize,
     /// Bits of a level, 1 to 16: the highest level is `2^bits − 1`.
     pub bits: u32,
-    /// Seconds from one refresh to the next. Exposures should be whole multiples of it. 0: the projector shows steadily.
+    /// Seconds from one refresh to the next. Exposures should be whole multiples of this time. 0: the projector's light is steady.
     pub frame_time: f64,
 }
 
@@ -151,7 +151,7 @@ impl ProjectorInfo {
 }
 
 impl CameraInfo {
-    /// Checks that an exposure in seconds is within the camera's range. Otherwise it returns [`Error::Rig`].
+    /// Checks that an exposure in seconds is within the camera's range. Returns [`Error::Rig`] otherwise.
     pub fn check_exposure(&self, exposure: f64) -> Result<()> {
         let [shortest, longest] = self.exposures;
         if (shortest..=longest).contains(&exposure) {

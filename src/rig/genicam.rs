@@ -1,9 +1,9 @@
-//! Machine vision cameras that are triggered by software, as far as GigE Vision and USB3 Vision are alike. Both describe their features by
-//! GenICam, and the crate `viva-genicam` implements the protocols.
+//! The driver that GigE Vision and USB3 Vision cameras share. Software triggers the cameras, and the cameras describe their features by
+//! GenICam. The crate `viva-genicam` implements the protocols.
 //!
 //! Each trigger gives one frame, which has a number and a time. An [`Anchor`] relates the camera's clock to the rig's clock. [`Numbers`]
-//! increase over all sessions with a camera. The function [`set_up`] checks the camera's limits, switches automatic
-//! features off, and reads the camera's abilities.
+//! converts the camera's frame numbers to numbers that increase over all sessions. The function [`set_up`] checks the camera's limits and
+//! switches automatic features off. [`Abilities::of`] reads the camera's abilities.
 
 use std::time::Duration;
 
@@ -47,7 +47,7 @@ pub trait TransportLayer: Send {
     fn losses(stream: &Self::Stream) -> Losses;
 }
 
-/// An open camera that is set up and waits for its trigger. Dropping it stops and releases the camera.
+/// An open camera that is set up and waits for its trigger. Dropping the link stops and releases the camera.
 struct Link<T: TransportLayer> {
     camera: Described<T::Registers>,
     stream: T::Stream,
@@ -56,7 +56,7 @@ struct Link<T: TransportLayer> {
 impl<T: TransportLayer> Link<T> {
     fn open(transport: &T, spec: &GenicamSpec) -> Result<Self> {
         let place = transport.place();
-        // The protocol's library needs a thread, and would end the program without one.
+        // The protocol's library needs a thread, and would end the program if no thread can be started.
         if !machine::has_thread() {
             let fault = format!("no thread can be started for the camera {place}");
             return Err(camera_fault(fault, "raise the limit of processes (`ulimit -u`)"));
@@ -92,7 +92,7 @@ pub struct Triggered<T: TransportLayer> {
 }
 
 impl<T: TransportLayer> Triggered<T> {
-    /// Opens the camera. Its frames have times of `clock`, and numbers from `after + 1`.
+    /// Opens the camera. The times of its frames are read from `clock`, and their numbers begin at `after + 1`.
     pub(crate) fn start(transport: T, spec: &GenicamSpec, clock: WallClock, after: u64) -> Result<Self> {
         let mut camera = Self {
             info: spec.info(),
@@ -218,7 +218,7 @@ impl<T: TransportLayer> Camera for Triggered<T> {
         let (frame, times) = match self.frame(exposure) {
             Ok(Some(came)) => came,
             Ok(None) => return Ok(None),
-            // The camera does not answer, or another program holds it. The next restart opens it again, or fails.
+            // The camera does not answer, or another program holds it. The next restart opens the camera again, or fails.
             Err(_) => {
                 self.close();
                 return Ok(None);
@@ -247,7 +247,8 @@ impl<T: TransportLayer> Camera for Triggered<T> {
     }
 }
 
-/// Half the range of a GigE Vision camera's frame numbers. A number that lies farther back than this belongs to the next round.
+/// Half the range of a GigE Vision camera's frame numbers, which wrap around. A number that is lower than the last by more than this has
+/// wrapped around.
 const WRAP: u64 = 1 << 15;
 
 pub(crate) struct Numbers {
@@ -260,7 +261,7 @@ impl Numbers {
         Self { base: after, last: 0 }
     }
 
-    /// The rig's number of the frame with the camera's `number`, which counts from 1.
+    /// The rig's number of a frame. `number` is the camera's number of the frame, which counts from 1.
     pub(crate) fn of(&mut self, number: u64) -> u64 {
         if number + WRAP < self.last {
             // The camera's number after 65535 is 1.
@@ -278,8 +279,8 @@ impl Numbers {
 }
 
 // The relation between the camera's clock and the rig's clock. A camera stamps its frames with its own clock. An anchor reads the camera's
-// time between two readings of the rig's clock, so its error is at most half the interval. Afterwards the error grows with the drift
-// between the two quartz oscillators.
+// time between two readings of the rig's clock, so its error is at most half the interval between these readings. Afterwards the error
+// grows with the drift between the two quartz oscillators.
 
 /// A bound on the relative drift between two quartz oscillators.
 const DRIFT: f64 = 1e-4;
@@ -287,8 +288,8 @@ const DRIFT: f64 = 1e-4;
 /// The age in seconds after which an anchor is renewed.
 const AGE: f64 = 10.0;
 
-/// The features that latch and read the camera's time: the command, the value, and the ticks per second if the standard fixes them. The
-/// first entry belongs to SFNC 2, and the second to GigE Vision 1.
+/// The features that latch the camera's time and read it: the command, the value, and the ticks per second if the standard fixes them. The
+/// first entry belongs to SFNC 2, the second to GigE Vision 1.
 const LATCHES: [(&str, &str, Option<f64>); 2] = [
     ("TimestampLatch", "TimestampLatchValue", Some(1e9)),
     ("GevTimestampControlLatch", "GevTimestampValue", None),
@@ -342,10 +343,11 @@ fn frequency<T: RegisterIo>(camera: &Described<T>) -> Option<f64> {
     (ticks > 0).then_some(ticks as f64)
 }
 
-// The setup. The camera takes one frame for each software trigger, its automatic features are off, and all values are within its limits.
+// The setup of a camera. It makes the camera take one frame for each software trigger, switches automatic features off, and checks all
+// values.
 
 /// The largest difference between the requested gain and the gain that was set, in the camera's unit (usually decibels). It is half of the
-/// usual step of a tenth, with a margin.
+/// usual step of 0.1, plus a margin.
 const GAIN_TOLERANCE: f64 = 0.06;
 
 /// The features that are switched off: automatic ones, and gamma and look-up tables, which make counts nonlinear.
@@ -357,7 +359,7 @@ const SWITCHED_OFF: [(&str, &str); 5] = [
     ("LUTEnable", "false"),
 ];
 
-/// Sets an open camera up. `place` is the camera's place in errors.
+/// Sets up an open camera. `place` names the camera in errors.
 fn set_up<T: RegisterIo>(camera: &mut Described<T>, spec: &GenicamSpec, place: &str) -> Result<()> {
     let failed = |doing: &str, why: &GenicamError| said(place, doing, why);
     // A session that ended abruptly leaves the acquisition running.
@@ -460,7 +462,7 @@ fn check_exposures<T: RegisterIo>(camera: &Described<T>, spec: &GenicamSpec, pla
     let Some(range) = known.iter().find_map(|name| limits(camera, name)) else { return Ok(()) };
     let [least, most] = [range.min, range.max];
     let [shortest, longest] = spec.exposures;
-    // Many cameras round to whole microseconds.
+    // Many cameras round exposures to whole microseconds.
     if 1e6 * shortest < least - 1.0 || 1e6 * longest > most + 1.0 {
         return Err(camera_fault(
             format!(

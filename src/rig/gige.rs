@@ -15,8 +15,8 @@ use super::hardware::{causes, in_use};
 use super::{Abilities, AttachedCamera, CameraKind, GenicamSpec, Losses, WallClock, camera_fault};
 use crate::error::{Error, Result};
 
-/// The longest wait for a camera that does not answer or is held. After a session that ended abruptly, the camera is free once its
-/// heartbeat of 3 s has run out.
+/// The longest wait for a camera that does not answer or that another program holds. After a session that ended abruptly, the camera is
+/// free once its heartbeat of 3 s has run out.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// The GigE Vision status of a camera that another program holds.
@@ -29,10 +29,11 @@ pub(crate) const ANSWER: Duration = Duration::from_millis(500);
 pub type GigeVision = Triggered<OnNetwork>;
 
 impl GigeVision {
-    /// Opens the camera. Frames have times of `clock`, and numbers from `after + 1`.
+    /// Opens the camera. The times of frames are read from `clock`, and their numbers begin at `after + 1`.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when no camera answers there, another program holds it, or it cannot do what `spec` says.
+    /// [`Error::Rig`](crate::Error::Rig) when no camera answers at the address, when another program holds the camera, or when the camera
+    /// cannot do what `spec` says.
     pub fn open(spec: &GenicamSpec, clock: WallClock, after: u64) -> Result<Self> {
         let address =
             spec.address.ok_or_else(|| camera_fault("it has no address", "give address in [camera]"))?;
@@ -105,8 +106,8 @@ impl TransportLayer for OnNetwork {
     }
 }
 
-/// Whether the camera refuses because another program controls it. A camera that is held exclusively also refuses to be read, for example
-/// when its description is requested.
+/// Whether the error means that another program controls the camera. A camera that is controlled exclusively also refuses to be read, for
+/// example when its description is requested.
 pub(crate) fn is_denied(why: &GenicamError) -> bool {
     causes(why).any(|why| {
         matches!(why.downcast_ref(), Some(GigeError::Status(status)) if status.to_raw() == ACCESS_DENIED)
@@ -144,7 +145,7 @@ pub(crate) fn cameras(address: Option<Ipv4Addr>) -> Result<Vec<AttachedCamera>> 
     Ok(found.into_iter().map(camera).collect())
 }
 
-/// Reads the abilities of the camera at an address. A program that holds the camera keeps it.
+/// Reads the abilities of the camera at an address. A program that controls the camera keeps its control.
 ///
 /// # Errors
 /// [`Error::Rig`](crate::Error::Rig) when the camera does not answer, or cannot be read while another program holds it.

@@ -1,5 +1,5 @@
-//! A still camera that the program `gphoto2` drives. Another program decodes its RAW files. Both run as separate processes, and krylux
-//! parses their output. This has not been tried on hardware.
+//! A still camera that the program `gphoto2` drives. Another program decodes its RAW files. Both programs run as separate processes, and
+//! krylux parses their output. This driver has not been tried on hardware.
 
 pub(crate) mod answers;
 pub(crate) mod body;
@@ -35,10 +35,10 @@ pub struct Gphoto2 {
 }
 
 impl Gphoto2 {
-    /// Opens the camera and sets it up according to `spec`. Frames have times of `clock`, and numbers from `after + 1`.
+    /// Opens the camera and sets it up by `spec`. The times of frames are read from `clock`, and their numbers begin at `after + 1`.
     ///
     /// # Errors
-    /// [`Error::Rig`] when a program is not installed, there is no such camera, or the camera does not offer such a choice.
+    /// [`Error::Rig`] when a program is not installed, or the camera of `spec` is not found or does not offer a choice in `spec`.
     pub fn open(spec: &Gphoto2Spec, clock: WallClock, after: u64) -> Result<Self> {
         let (body, shutter) = prepare(spec)?;
         let mut camera = Self {
@@ -148,7 +148,7 @@ impl Camera for Gphoto2 {
     }
 
     fn capture(&mut self) -> Result<Option<RawFrame>> {
-        // A still camera does not report when its shutter opened. The shutter opened after this time.
+        // A still camera does not report when its shutter opened. The shutter opens after this time.
         let started = self.clock.seconds();
         let (raw, folder) = self.release()?;
         let counts = self.spec.sensor().pixels(self.decode(&raw, folder)?);
@@ -171,7 +171,7 @@ impl Camera for Gphoto2 {
 }
 
 fn files(folder: &Path) -> Vec<PathBuf> {
-    // If the temporary folder cannot be read, there are no usable files in it.
+    // A temporary folder that cannot be read counts as empty.
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| path.is_file()).collect();
     files.sort();
@@ -188,7 +188,7 @@ pub struct Gphoto2Spec {
     pub model: Option<String>,
     /// Width and height of the used part of the RAW picture, in photosites.
     pub size: [usize; 2],
-    /// The offset of that part from the sensor's top left photosite, to the right and down.
+    /// The position of the top left photosite of this part, to the right and down from the picture's top left photosite.
     #[serde(default)]
     pub offset: [usize; 2],
     /// The colour filters of the 2×2 cell at the picture's top left photosite. `None`: the sensor is gray.
@@ -210,15 +210,15 @@ pub struct Gphoto2Spec {
     /// The format of the files, one of the camera's choices such as `RAW` or `NEF (Raw)`. `None`: the camera's setting is left unchanged.
     #[serde(default, deserialize_with = "worded")]
     pub image_format: Option<String>,
-    /// Values of other settings, with the names in `gphoto2`.
+    /// Values of other settings, by their names in `gphoto2`.
     #[serde(default)]
     pub settings: BTreeMap<String, String>,
     /// The shortest and the longest exposure, in seconds.
     #[serde(default = "exposures")]
     pub exposures: [f64; 2],
-    /// The number of steps of the shutter speed per doubling. With `stops = 3`, each speed is replaced by the nearest power of the cube
-    /// root of 2, which is the true speed of most cameras (1/60 means 1/64 s, 30 means 32 s). With 2, the root is the square root. `None`:
-    /// the camera's numbers are taken literally.
+    /// The number of steps of the shutter speed per doubling of the exposure. With `stops = 3`, each speed is replaced by the nearest power
+    /// of the cube root of 2, which is the true speed of most cameras (1/60 means 1/64 s, 30 means 32 s). With `stops = 2`, the square root
+    /// replaces the cube root. `None`: the camera's numbers are taken literally.
     pub stops: Option<u32>,
     /// Seconds beyond the exposure that `gphoto2` may take for a photo. The decoder may take the same number of seconds for the file.
     #[serde(default = "number::<30, _>")]
@@ -226,8 +226,8 @@ pub struct Gphoto2Spec {
     /// The `gphoto2` program: its absolute path, or a name on `PATH`.
     #[serde(default = "gphoto2")]
     pub program: String,
-    /// The program that decodes RAW, with its arguments. The file's name is appended. The program prints a PGM or leaves one beside the
-    /// file. The PGM has the sensor's counts, neither scaled nor rotated.
+    /// The program that decodes RAW, with its arguments. The file's name is appended. The program prints a PGM file or leaves a PGM file
+    /// beside the RAW file. The PGM has the sensor's counts, neither scaled nor rotated.
     #[serde(default = "dcraw")]
     pub decoder: Vec<String>,
 }

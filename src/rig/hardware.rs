@@ -1,6 +1,6 @@
-//! Rigs of real devices: a projector that is a monitor of an X server, and a camera, or the devices of another program, for example a camera
-//! behind its maker's library. This module also recognizes cameras that another program has opened, which each kind of camera reports
-//! differently.
+//! Rigs of real devices. A [`HardwareRig`] has a monitor of an X server as its projector, and a camera. A [`ProgramRig`] has the devices of
+//! a program, for example a camera behind its maker's library. This module also recognizes the various errors of cameras that another
+//! program has opened.
 
 use std::error::Error as Why;
 use std::io::ErrorKind;
@@ -26,8 +26,8 @@ pub struct HardwareRig {
 }
 
 impl HardwareRig {
-    /// Opens projector and camera. A process of `helper` first reads the camera's description ([`Self::camera_abilities`]), and another one
-    /// holds the projector's window. Time and frame numbers continue from `after`, the last frame of an earlier session.
+    /// Opens the projector and the camera. A process of `helper` first reads the camera's description ([`Self::camera_abilities`]). Another
+    /// process of `helper` holds the projector's window. Time and frame numbers continue from `after`, an earlier session's last frame.
     ///
     /// # Errors
     /// [`Error::Rig`] when a device is missing, is in use, or cannot do what its description says.
@@ -39,8 +39,9 @@ impl HardwareRig {
         Ok(Devices { projector: Box::new(projector), camera, clock: Box::new(clock) })
     }
 
-    /// The abilities that a machine vision camera states, in words. `None` for other cameras. A camera's description is a foreign program
-    /// in XML. A process of `helper` reads it in at most 15 s and 1 GiB of address space, so that it can end only that process.
+    /// The abilities that a machine vision camera states, in words. `None`: the camera is of another kind. A camera's description is a
+    /// foreign program in XML. A process of `helper` reads the description in at most 15 s and 1 GiB of address space, so a harmful
+    /// description can end only that process.
     ///
     /// # Errors
     /// [`Error::Rig`] when the camera does not answer, or when its description cannot be read within these bounds.
@@ -49,12 +50,12 @@ impl HardwareRig {
             CameraSpec::Genicam(spec) if spec.kind.is_built() => {
                 Ok(Some(attached::ask(helper, spec.kind, spec.address_or_serial().as_deref())?.to_string()))
             }
-            // Such a camera has no description, or cannot be opened at all.
+            // This camera has no description, or this program does not support it.
             _ => Ok(None),
         }
     }
 
-    /// Opens only the camera. [`Self::camera_abilities`] must have read its description.
+    /// Opens only the camera, whose description [`Self::camera_abilities`] must have read before.
     pub(crate) fn open_checked_camera(&self) -> Result<Box<dyn Camera>> {
         camera(&self.camera, WallClock::starting_at(0.0), 0)
     }
@@ -114,7 +115,7 @@ pub struct ProgramProjector {
     /// Bits of a level, 1 to 16.
     #[serde(default = "number::<8, _>")]
     pub bits: u32,
-    /// Seconds from one refresh to the next. 0: the projector shows steadily.
+    /// Seconds from one refresh to the next. 0: the projector's light is steady.
     #[serde(default)]
     pub frame_time: f64,
 }
@@ -168,7 +169,8 @@ pub struct DeviceOpener(Arc<Mutex<OpenDevices>>);
 type OpenDevices = dyn FnMut(Option<Stamp>) -> Result<Devices> + Send;
 
 impl DeviceOpener {
-    /// An opener that calls `open` with the last frame of an earlier session. Time and frame numbers continue after that frame.
+    /// An opener that calls `open` with the stamp of an earlier session's last frame, if any. Time and frame numbers continue after that
+    /// frame.
     pub fn new(open: impl FnMut(Option<Stamp>) -> Result<Devices> + Send + 'static) -> Self {
         Self(Arc::new(Mutex::new(open)))
     }
@@ -191,7 +193,8 @@ impl fmt::Debug for DeviceOpener {
     }
 }
 
-/// Words in errors about a busy device without an error code: nusb ("interface is busy"), gphoto2 ("Could not claim the USB device").
+/// Parts of messages that report a busy device without an error code: nusb ("interface is busy"), gphoto2 ("Could not claim the USB
+/// device").
 const WORDS: [&str; 3] = ["is busy", "resource busy", "could not claim"];
 
 pub(crate) fn causes<'a>(why: &'a (dyn Why + 'static)) -> impl Iterator<Item = &'a (dyn Why + 'static)> {

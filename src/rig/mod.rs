@@ -1,9 +1,9 @@
-//! A rig is a projector and a camera, in the devices' integers.
+//! A rig is a projector and a camera. Both exchange integers with this module: levels and counts.
 //!
-//! A [`Frame`] holds the levels for a projector, and a [`RawFrame`] holds the counts of a camera. Nothing here is linear or calibrated:
-//! [`crate::measure`] turns levels and counts into light. Hardware and virtual devices implement the same three traits, [`Projector`],
-//! [`Camera`] and [`Clock`]. An open rig is a [`Devices`], which may move between threads. Its documentation has a complete example of your
-//! own devices.
+//! A [`Frame`] holds the levels for a projector, and a [`RawFrame`] holds the counts of a camera. Levels and counts are neither linear in
+//! light nor calibrated: [`crate::measure`] converts them to light. Hardware and virtual devices implement the same three traits,
+//! [`Projector`], [`Camera`] and [`Clock`]. An open rig is a [`Devices`], which may move between threads. The documentation of [`Devices`]
+//! has a complete example of a rig with your own devices.
 //!
 //! | kind of rig | projector | camera |
 //! |---|---|---|
@@ -66,18 +66,18 @@ pub use x11::monitors;
 pub use x11::projector::{ShowTimes, X11Projector};
 pub use x11::{MonitorInfo, ProjectorKind, X11Monitor, X11Spec};
 
-/// An error of the device "camera", with the remedy `help`.
+/// The error `fault` of the device "camera", with the remedy `help`.
 fn camera_fault(fault: impl Into<String>, help: impl Into<String>) -> crate::Error {
     crate::Error::rig("camera", fault).help(help)
 }
 
-/// The default `N` of a number in a rig file.
+/// Returns `N`, as the default value of a number in a rig file.
 fn number<const N: u8, T: From<u8>>() -> T {
     N.into()
 }
 
-/// The hint `; did you mean NAME?` with the known name that has the fewest edits from `name`, between two `quote`s. It is empty if all known
-/// names differ so much that they are probably other words.
+/// The hint `; did you mean NAME?`, where NAME is the known name with the fewest edits from `name`, between two `quote`s. The hint is empty
+/// if all known names differ so much from `name` that they are probably other words.
 pub(crate) fn did_you_mean(name: &str, known: &[impl AsRef<str>], quote: &str) -> String {
     nearest(name, known).map_or_else(String::new, |name| format!("; did you mean {quote}{name}{quote}?"))
 }

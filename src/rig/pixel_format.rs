@@ -14,7 +14,7 @@ use super::sensor::Tiles;
 
 macro_rules! formats {
     ($($(#[$of:meta])? $name:ident),* $(,)?) => {
-        /// The format in which a camera sends counts. Rig files use lower case, such as `mono12p`, but the convention's spelling is
+        /// The format in which a camera sends counts. Rig files use lower case, such as `mono12p`; the spelling of the convention is
         /// accepted too.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         #[allow(missing_docs, reason = "the convention's names are the documentation")]
@@ -25,7 +25,7 @@ macro_rules! formats {
         const ALL: &[PixelFormat] = &[$(PixelFormat::$name),*];
 
         impl PixelFormat {
-            /// The name in the convention, which cameras use.
+            /// The name in the Pixel Format Naming Convention, which cameras use.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$name => stringify!($name),)* }
             }
@@ -47,7 +47,7 @@ impl PixelFormat {
         self.name().to_lowercase()
     }
 
-    /// Bits of a count, the only number in the name.
+    /// Bits of a count: the only number in the format's name.
     pub fn bits(self) -> u32 {
         self.name().chars().filter_map(|letter| letter.to_digit(10)).fold(0, |bits, digit| 10 * bits + digit)
     }
@@ -73,7 +73,7 @@ impl<'de> Deserialize<'de> for PixelFormat {
 
 #[cfg(any(feature = "gige", feature = "usb3"))]
 impl PixelFormat {
-    /// Unpacks a frame of `width` by `height` photosites to counts, row by row. A row begins `stride` bytes after the previous one (`None`:
+    /// Unpacks a frame of `width` by `height` photosites to counts, row by row. A row begins `stride` bytes after the previous row (`None`:
     /// without a gap). The result is `None` if there are too few bytes.
     pub(crate) fn counts(
         self,
@@ -99,22 +99,22 @@ mod tests {
     #[test]
     fn bytes_are_unpacked_as_the_conventions_say() {
         use PixelFormat as F;
-        // The values were computed by hand from PFNC 2.4: 6.1.1 (whole bytes), and figures 6-8 and 6-9 (`p`). For `Packed` they follow the
-        // layout of GigE Vision 2.0 in the documentation of camera makers.
+        // The values were computed by hand from PFNC 2.4: 6.1.1 (whole bytes), and figures 6-8 and 6-9 (`p`). The values for `Packed`
+        // follow the layout of GigE Vision 2.0 in the documentation of camera makers.
         for (format, bytes, expected) in [
             (F::Mono8, &[0x00, 0xFF, 0x07][..], &[0, 255, 7][..]),
             (F::Mono10, &[0xFF, 0x03, 0x01, 0x02], &[1023, 0x201]),
             (F::Mono12, &[0xFF, 0x0F, 0x01, 0x00], &[4095, 1]),
             (F::Mono14, &[0xFF, 0x3F, 0x34, 0x12], &[16383, 0x1234]),
             (F::Mono16, &[0xFF, 0xFF, 0x34, 0x12], &[65535, 0x1234]),
-            // 0xABC is stored as BC, A; 0x123 continues with 3 in the upper half of the second byte: BC 3A 12.
+            // 0xABC takes the byte BC and the lower half A of the second byte. 0x123 takes the upper half 3 and the byte 12: BC 3A 12.
             (F::Mono12p, &[0xBC, 0x3A, 0x12], &[0xABC, 0x123]),
-            // The high bytes AB and 12 are outside, and the low halves C and 3 between them, the first in the lower half: AB 3C 12.
+            // The outer bytes AB and 12 are high bits. The byte between them has the low bits: C in its lower half, 3 in its upper half.
             (F::Mono12Packed, &[0xAB, 0x3C, 0x12], &[0xABC, 0x123]),
             // Ten bits each of 0x3FF, 0x000, 0x2AA and 0x155, from bit 0 on. As one number of 40 bits, they are 0101010101 1010101010
             // 0000000000 1111111111.
             (F::Mono10p, &[0xFF, 0x03, 0xA0, 0x6A, 0x55], &[0x3FF, 0x000, 0x2AA, 0x155]),
-            // 0x2AB = AA high, 11 low; 0x155 = 55 high, 01 low. The low bits are at bits 1-0 and 5-4.
+            // 0x2AB has the high bits 0xAA and the low bits 0b11; 0x155 has 0x55 and 0b01. The low bits are at bits 1-0 and 5-4.
             (F::Mono10Packed, &[0xAA, 0x13, 0x55], &[0x2AB, 0x155]),
             (F::BayerRG12p, &[0xBC, 0x3A, 0x12], &[0xABC, 0x123]),
             (F::BayerGB12Packed, &[0xAB, 0x3C, 0x12], &[0xABC, 0x123]),
@@ -138,7 +138,6 @@ mod tests {
             assert_eq!(format.key(), format.name().to_lowercase());
             let of_pfnc = viva_genicam::pfnc::PixelFormat::from_name(format.name());
             assert_eq!(of_pfnc.name(), Some(format.name()), "{format:?}");
-            // The first two letters after "Bayer" are the first row (PFNC 2.4, 3.1.7).
             let row = format.name().strip_prefix("Bayer").map(|rest| rest[..2].to_lowercase());
             let tiles = format.tiles().map(|tiles| tiles.letters()[..2].to_lowercase());
             assert_eq!(row, tiles, "{format:?}");

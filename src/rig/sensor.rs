@@ -26,7 +26,7 @@ pub enum Tiles {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Colour {
-    /// Three channels: 2R, G₁ + G₂, 2B. They have one bit more than a photosite.
+    /// Three channels: 2R, G₁ + G₂, 2B. The channels have one bit more than a photosite.
     #[default]
     Rgb,
     /// One channel with all the light of the cell: R + G₁ + G₂ + B. It has two bits more than a photosite.
@@ -36,7 +36,7 @@ pub enum Colour {
 }
 
 impl Tiles {
-    /// All cells.
+    /// All arrangements of a cell's filters.
     pub(crate) const ALL: [Self; 4] = [Self::Rggb, Self::Grbg, Self::Gbrg, Self::Bggr];
 
     /// The colours in capital letters, for example `RGGB`, and the positions of red, the two greens, and blue in a cell. Positions 0 and 1
@@ -111,7 +111,7 @@ impl Sensor {
         }
     }
 
-    /// The size in pixels. The last row or column of a colour sensor is dropped if its size is odd.
+    /// The size in pixels. The last row or column of a colour sensor is dropped if the number of rows or columns is odd.
     fn resolution(&self) -> Resolution {
         let cell = if self.tiles.is_some() { 2 } else { 1 };
         Resolution::new(self.size[0] / cell, self.size[1] / cell)
@@ -133,7 +133,7 @@ impl Sensor {
     /// Converts the counts of all photosites to pixels of the camera from [`Self::info`], row by row with interleaved channels. Saturated
     /// pixels get the highest count.
     ///
-    /// A pixel of a colour sensor is a sum over a cell, not a mean, so that nothing is lost by rounding. A sum of more than 16 bits is
+    /// A pixel of a colour sensor is a sum over a cell, not a mean, so that rounding loses no light. Only a sum of more than 16 bits is
     /// halved or quartered, and rounded. If one photosite of a cell is saturated, all channels get the highest count, because the excess
     /// light may have spilled over to the neighbours.
     pub(crate) fn pixels(&self, mut counts: Vec<u16>) -> Vec<u16> {

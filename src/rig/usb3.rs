@@ -1,5 +1,5 @@
-//! A machine vision camera on USB 3: USB3 Vision (feature `usb3`), which has not been tried on hardware. [`super::genicam`] contains and
-//! tests the functions shared with GigE Vision.
+//! A machine vision camera on USB 3: USB3 Vision (feature `usb3`). This driver has not been tried on hardware. [`super::genicam`] contains
+//! and tests the functions shared with GigE Vision.
 
 #[cfg(test)]
 mod tests;
@@ -19,7 +19,7 @@ use crate::error::{Error, Result};
 pub type Usb3Vision = Triggered<OnUsb<GenicamSpec>>;
 
 impl Usb3Vision {
-    /// Opens the camera. Frames have times of `clock`, and numbers from `after + 1`.
+    /// Opens the camera. The times of frames are read from `clock`, and their numbers begin at `after + 1`.
     ///
     /// # Errors
     /// [`Error::Rig`] when the camera is not plugged in, another program holds it, or it cannot do what `spec` says.
@@ -92,7 +92,7 @@ pub fn usb_camera_abilities(serial: Option<&str>) -> Result<Abilities> {
     Ok(Abilities::of(&spec.open()?))
 }
 
-/// A way to open a camera.
+/// A real or simulated port, through which a camera is opened.
 pub trait Port: Send {
     /// The transfer of bytes to the camera and back.
     type Wire: UsbTransfer + 'static;

@@ -1,5 +1,5 @@
-//! A camera of Linux's video interface V4L2 (feature `v4l`), which has not been tried on hardware. The camera runs freely. For each photo,
-//! frames that may have begun too early are discarded.
+//! A camera of Linux's video interface V4L2 (feature `v4l`). This driver has not been tried on hardware. The camera runs freely, so the
+//! frames that may have begun too early are discarded before each photo.
 
 use std::io::Error as Refusal;
 use std::time::Duration;
@@ -28,7 +28,7 @@ pub struct V4l {
     clock: WallClock,
     device: Device,
     layout: FrameLayout,
-    /// The stream of frames. `None`: it has not been started, or an error has ended it.
+    /// The stream of frames. `None`: the stream has not been started, or an error has ended it.
     stream: Option<Stream<'static>>,
     /// The requested exposure, and the exposure that was set, in seconds.
     exposure: [f64; 2],
@@ -36,7 +36,7 @@ pub struct V4l {
 }
 
 impl V4l {
-    /// Opens the camera. Frames have times of `clock`, and numbers from `after + 1`.
+    /// Opens the camera. The times of frames are read from `clock`, and their numbers begin at `after + 1`.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when there is no such device, it is in use, or it cannot do what `spec` says.
@@ -56,7 +56,7 @@ impl V4l {
         Ok(camera)
     }
 
-    /// Discards frames that may be too early, and returns the counts of the next frame. `None`: the frame is damaged.
+    /// Discards frames that may have begun too early, and returns the counts of the next frame. `None`: the frame is damaged.
     fn next(&mut self) -> std::io::Result<Option<Vec<u16>>> {
         let stream = match &mut self.stream {
             Some(stream) => stream,

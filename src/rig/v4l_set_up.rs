@@ -61,13 +61,13 @@ const AUTOMATIC: [(u32, &str, i64); 9] = [
 const PER_SECOND: f64 = 1e4;
 
 /// The largest relative difference between the requested exposure and the exposure that was set. It is half a unit at an exposure of five
-/// units, which also covers the rounding of drivers.
+/// units, and also covers the rounding of drivers.
 const NEAR: f64 = 0.1;
 
 pub(crate) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<FrameLayout> {
     let layout = set_layout(device, spec)?;
     for (id, name, off) in AUTOMATIC {
-        // An automatic control that the device does not have is off.
+        // An automatic control that the device does not have counts as off.
         if device.control(id).is_ok_and(|value| value != off) {
             put(device, spec, (id, name), off)?;
         }
@@ -75,7 +75,7 @@ pub(crate) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Fr
     if let Some(gain) = spec.gain {
         put(device, spec, (id::GAIN, "gain"), gain)?;
     }
-    // The rig file promises the exposures between these two.
+    // The rig file promises all exposures between the shortest and the longest.
     let [shortest, longest] = spec.exposures;
     set_exposure(device, spec, longest)?;
     set_exposure(device, spec, shortest)?;
@@ -156,7 +156,7 @@ fn known(formats: &[[u8; 4]]) -> String {
     formats.iter().map(|&code| letters(code)).collect::<Vec<_>>().join(", ")
 }
 
-/// The counts of a frame of `width` by `height` pixels, row by row. A row begins `stride` bytes after the previous one. `None`: there are
+/// The counts of a frame of `width` by `height` pixels, row by row. A row begins `stride` bytes after the previous row. `None`: there are
 /// too few bytes.
 ///
 /// The layouts follow the kernel's documentation (V4L2_PIX_FMT_GREY, _Y10, _Y12, _Y16, _YUYV). Counts of more than 8 bits take 16 bits, low

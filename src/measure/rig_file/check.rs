@@ -7,7 +7,6 @@ use crate::error::Error;
 use crate::measure::MeasureOptions;
 use crate::rig::{CameraKind, CameraSpec, GenicamSpec, ProgramRig, VirtualCamera, VirtualProjector, X11Spec};
 
-/// Checks the values of one file.
 pub(crate) struct FileCheck {
     pub(crate) path: PathBuf,
 }
@@ -61,7 +60,7 @@ impl FileCheck {
         self.refuse(channels != 1 && channels != 3, fault, "give 1 (gray) or 3 (red, green, blue)")
     }
 
-    /// Checks the devices of a virtual rig and everything between them.
+    /// Checks the devices and the surroundings of a virtual rig.
     pub(super) fn virtual_rig(&self, rig: &VirtualTables) -> Checked {
         self.projector(&rig.projector)?;
         self.camera(&rig.camera, rig.projector.channels)?;
@@ -160,7 +159,7 @@ impl FileCheck {
         )?;
         for (at, &entry) in matrix.as_flattened().iter().enumerate() {
             let (row, column) = (at / 3, at % 3);
-            // Each channel sees something.
+            // Each camera channel must respond to the projector channel of the same colour.
             let least = if row == column { 1e-6 } else { 0.0 };
             self.range(&format!("camera.crosstalk[{row}][{column}]"), entry, least, 1e3)?;
         }

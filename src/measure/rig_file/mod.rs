@@ -35,8 +35,8 @@
 //! [measurement]                   # MeasureOptions
 //! ```
 //!
-//! Programs drive a still camera. Programs that the file names run only if the file is in the user's own folder ([`own_folder`]) or if they
-//! are otherwise allowed ([`RigFile::require_programs_allowed`]).
+//! A still camera needs other programs. Programs that the file names run only if the file is in the user's own folder ([`own_folder`]) or
+//! if they are otherwise allowed ([`RigFile::require_programs_allowed`]).
 //!
 //! A program can hand over devices, such as a camera behind its maker's library ([`LabBuilder::devices`](crate::lab::LabBuilder::devices)).
 //! The file then only describes them:
@@ -55,7 +55,7 @@
 //! ```
 //!
 //! A *camera file* is a different file: it holds the poses of camera and projector in a scene (see [`crate::scene::load_with`]). A virtual
-//! rig may name one as `scene.camera_file`.
+//! rig may name a camera file as `scene.camera_file`.
 
 mod check;
 mod programs;
@@ -180,7 +180,7 @@ struct DeviceTables<P, C> {
     measurement: MeasureOptions,
 }
 
-/// The part of a file that names the kind of its camera. The type of the other tables depends on it.
+/// The part of a file that names the kind of its camera. The type of the other tables depends on this kind.
 #[derive(Deserialize)]
 struct OfKind {
     camera: Option<KindOnly>,
@@ -267,7 +267,7 @@ impl RigFile {
     ///
     /// # Errors
     /// [`Error::Read`] when the file cannot be read; [`Error::Data`] when it is invalid. The error names the line or the key, the valid
-    /// values, and the known name that is most similar to an unknown one.
+    /// values, and the known name that is most similar to an unknown name.
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = crate::file::read(path)?;
         Self::from_bytes(path, &bytes)
@@ -409,7 +409,7 @@ impl RigFile {
         Some(Calibration::load(folder).and_then(|known| known.check(&projector, &camera).map(|()| known)))
     }
 
-    /// Seconds between the confirmation of a frame and its photo: the file's value, else the calibration's, else 0.1.
+    /// Seconds between the confirmation of a frame and its photo: the file's value, else the calibration's value, else 0.1.
     pub fn settle(&self, known: Option<&Calibration>) -> f64 {
         let measured = known.map(|known| known.stability.settle);
         self.measurement.settle.or(measured).unwrap_or(CAREFUL_SETTLE)

@@ -25,7 +25,7 @@ impl RigFile {
     /// Checks that the programs of the file may be run, because the file is in the user's own folder or because `allowed` is set.
     ///
     /// # Errors
-    /// [`Error::Data`] with the programs.
+    /// [`Error::Data`], which names the programs.
     pub fn require_programs_allowed(&self, allowed: bool) -> Result<()> {
         let programs = self.named_programs();
         if programs.is_empty() || allowed {
@@ -50,8 +50,8 @@ pub fn own_folder() -> Option<PathBuf> {
     Some(base.join("krylux"))
 }
 
-/// The reason why somebody else may have written a file, as a clause. It is `None` if the file is below the folder with links followed, and
-/// only this user or root can write the file, the folder and all folders between them.
+/// The reason why somebody else may have written a file, as a clause. It is `None` if the file is below the folder once links are followed,
+/// and only this user or root can write the file, the folder and all folders between them.
 fn objection(path: &Path, folder: &Path) -> Option<String> {
     let outside = || Some(format!("move it into your own folder {}", folder.display()));
     let [Ok(path), Ok(real)] = [path, folder].map(std::fs::canonicalize) else { return outside() };

@@ -13,7 +13,7 @@ pub(crate) struct FoundStillCamera {
 pub(crate) struct Setting {
     pub(crate) is_read_only: bool,
     pub(crate) current: String,
-    /// The possible values. If it is empty, every value is possible.
+    /// The possible values. An empty list means that every value is possible.
     pub(crate) choices: Vec<String>,
 }
 
@@ -54,7 +54,7 @@ pub(crate) fn setting(answer: &[u8]) -> Option<Setting> {
 
 impl Setting {
     /// The camera's name of the shutter speed whose ratio to `exposure` (in seconds) is nearest to 1, and the speed in seconds. `stops` is
-    /// the value in the rig file.
+    /// the value of this key in the rig file.
     pub(crate) fn nearest_speed(&self, exposure: f64, stops: Option<u32>) -> Option<(&str, f64)> {
         let speeds =
             self.choices.iter().filter_map(|choice| Some((choice.as_str(), seconds(choice, stops)?)));
@@ -63,7 +63,8 @@ impl Setting {
     }
 }
 
-/// The seconds of a speed such as `1/200`, `0.5`, `30`, `1.3s`, `1/1.3` or `0"4`. `None`: it is not a time, for example `bulb`.
+/// The exposure in seconds of a shutter speed such as `1/200`, `0.5`, `30`, `1.3s`, `1/1.3` or `0"4`. `None`: the text is not a time, for
+/// example `bulb`.
 ///
 /// Cameras use round numbers as names for powers of a root of 2, for example 1/60 for 1/64 s. With `stops` steps per doubling, the result
 /// is the nearest power of `2^(1/stops)`.

@@ -1,4 +1,4 @@
-//! The setup of a still camera, with settings that are set and read back. It also runs the necessary programs with a time limit.
+//! The setup of a still camera: settings are written and read back. This module also runs the necessary programs with a time limit.
 
 use std::fs::File;
 use std::io::ErrorKind;
@@ -17,10 +17,10 @@ use crate::rig::{AttachedCamera, CameraKind, camera_fault, did_you_mean};
 
 const ANSWER: Duration = Duration::from_secs(20);
 
-/// The names of the setting of the shutter speed. The preferred name comes first, because `shutterspeed2` has fractions.
+/// The possible names of the setting for the shutter speed. The first name is preferred, because its values are fractions.
 const SHUTTER: [&str; 2] = ["shutterspeed2", "shutterspeed"];
 
-/// The setting of the place that keeps photos until they are downloaded, and its value. The memory card would take longer.
+/// The setting that says where the camera keeps photos until they are downloaded, and the chosen value. The memory card would take longer.
 const TARGET: [&str; 2] = ["capturetarget", "Internal RAM"];
 
 /// Lists the still cameras that `gphoto2` finds.
@@ -34,7 +34,7 @@ pub(crate) fn still_cameras() -> Result<Vec<AttachedCamera>> {
     Ok(found.into_iter().map(camera).collect())
 }
 
-/// Finds the camera and sets everything except the shutter speed. Returns the name of that setting, and the setting.
+/// Finds the camera and sets everything except the shutter speed. Returns the camera, and the name and the setting of the shutter speed.
 pub(crate) fn prepare(spec: &Gphoto2Spec) -> Result<(Body, (String, Setting))> {
     let found = run(&spec.program, &["--auto-detect".into()], None, ANSWER)?;
     let body = Body { program: spec.program.clone(), port: choose(&found, spec.model.as_deref())? };
@@ -170,12 +170,12 @@ const REPEATED: usize = 300;
 pub(crate) struct Ran {
     pub(crate) folder: TempDir,
     pub(crate) answer: Vec<u8>,
-    /// The end of its standard error on one line, or of its standard output if standard error is empty.
+    /// The end of the program's standard error on one line, or the end of its standard output if standard error is empty.
     pub(crate) said: String,
 }
 
 /// Runs a program in a new temporary folder, or in the folder `before` of an earlier run. Returns [`Error::Rig`] when the program is not
-/// installed, fails, or takes longer than `limit`. It is killed at that limit.
+/// installed, fails, or takes longer than `limit`. A program that reaches the limit is killed.
 pub(crate) fn run(
     program: &str,
     arguments: &[String],
@@ -193,13 +193,12 @@ pub(crate) fn run(
         Some(folder) => folder,
         None => tempfile::Builder::new().prefix("krylux-").tempdir().map_err(failed)?,
     };
-    // The output goes to files, which nothing has to read while the program runs. The program's children cannot keep them open, unlike
-    // pipes.
+    // The output goes to files. Unlike pipes, files need no reader, and the program's children cannot hold them open.
     let [answer, said] = ["answer", "said"].map(|name| logs.path().join(name));
     let mut command = Command::new(program);
     command.args(arguments).current_dir(folder.path()).env("LC_ALL", "C").stdin(Stdio::null());
     command.stdout(File::create(&answer).map_err(failed)?).stderr(File::create(&said).map_err(failed)?);
-    // A separate process group keeps the terminal's interrupt from the program, so that a photo that has begun is finished.
+    // An interrupt in the terminal does not reach a separate process group, so a photo that has begun is finished.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     let mut child = command.spawn().map_err(|why| missing(program, &why))?;
@@ -222,7 +221,7 @@ pub(crate) fn run(
     }
 }
 
-/// Waits for a program to end. `None`: it did not end in time and was killed.
+/// Waits for a program to end. `None`: the program did not end in time and was killed.
 pub(crate) fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
     let began = Instant::now();
     while began.elapsed() < limit {

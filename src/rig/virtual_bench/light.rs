@@ -1,4 +1,4 @@
-//! Both ends of the light: the screen of a virtual projector turns levels into light, and the sensor of a virtual camera turns light into
+//! The ends of the light path: a virtual projector's screen converts levels to light, and a virtual camera's sensor converts light to
 //! counts.
 
 use rand::{Rng, RngExt};
@@ -15,7 +15,7 @@ use crate::rig::Frame;
 pub(crate) struct VirtualScreen {
     /// The light of each level, relative to white.
     light: Vec<f64>,
-    /// The white segment's addition, as a share of the light that a pixel's colours have in common.
+    /// The light that the white segment adds, as a share of the light that a pixel's colours have in common.
     white_segment: f64,
     /// The part of the frame that each pixel shows. `None`: each pixel shows the frame's pixel at the same place.
     overscan: Option<Optics>,
@@ -100,8 +100,8 @@ pub(crate) struct VirtualSensor {
 }
 
 impl VirtualSensor {
-    /// The sensor of this camera. `white` is the light of the white photo on the sensor, with the channels one after another. It determines
-    /// the sensitivity. `None`: the white photo is dark.
+    /// The sensor of this camera. `white` is the light of the white photo on the sensor, with the channels one after another. This light
+    /// determines the sensitivity. `None`: the white photo is dark.
     pub(crate) fn new(
         spec: &VirtualCamera,
         resolution: Resolution,
@@ -159,9 +159,9 @@ impl VirtualSensor {
 
 /// A Poisson variate with this mean, or 0 if the mean is not positive.
 ///
-/// Below a mean of 12, `rand_distr` counts products of uniform variates. Above it, the crate uses the rejection method of Ahrens and
-/// Dieter, *Computer generation of Poisson deviates from modified normal distributions* (1982), doi:10.1145/355993.355997. Both methods are
-/// exact, so that dim pixels have the skew of true photon counts.
+/// Below a mean of 12, `rand_distr` counts products of uniform variates. For larger means, the crate uses the rejection method of Ahrens
+/// and Dieter, *Computer generation of Poisson deviates from modified normal distributions* (1982), doi:10.1145/355993.355997. Both methods
+/// are exact, so that dim pixels have the skew of true photon counts.
 pub fn poisson(mean: f64, random: &mut impl Rng) -> f64 {
     match Poisson::new(mean) {
         Ok(distribution) => distribution.sample(random),
@@ -217,7 +217,7 @@ mod tests {
                 .sum()
         };
         assert!((moment(0) - 1.0).abs() < 1e-6 && moment(1).abs() < 1e-6);
-        // The Gaussian is cut off at four deviations. The remainder has 6e-5 of the light and 1e-3 of the variance.
+        // The Gaussian is cut off at four deviations. The part that is cut off has 6e-5 of the light and 1e-3 of the variance.
         assert!((moment(2).sqrt() - 1.3).abs() < 2e-3, "{}", moment(2).sqrt());
         let corner = Frame::new(resolution, 1, {
             let mut levels = vec![0; 31 * 31];
@@ -236,7 +236,7 @@ mod tests {
         let light = |level| screen.emit(&Frame::filled(resolution, 1, level)).samples()[0];
         assert_eq!([0, 16, 235, 255].map(light), [0.0, 0.0, 1.0, 1.0]);
         assert!((light(126) - 110.0 / 219.0).abs() < 1e-6);
-        // A quarter of 32 pixels is eight, so four pixels at each end.
+        // A quarter of 32 pixels is eight pixels, so four pixels are cut off at each end.
         let spec = VirtualProjector { overscan: 0.25, ..VirtualProjector::default() };
         let screen = VirtualScreen::new(&spec, resolution);
         let columns = |lit: fn(usize) -> bool| {
@@ -254,7 +254,8 @@ mod tests {
         let spec = VirtualProjector { vignetting: 0.2, ..VirtualProjector::default() };
         let resolution = Resolution::new(401, 301);
         let light = VirtualScreen::new(&spec, resolution).emit(&Frame::filled(resolution, 1, 255)).plane(0);
-        // The centre of the corner pixel lies half a pixel inside the corner. This is 1 in 200 of the distance, and 1 in 100 of its square.
+        // The centre of the corner pixel lies half a pixel inside the corner. This is less than 1 in 200 of the distance, and less than 1
+        // in 100 of its square.
         assert!((light[0] - 0.8).abs() < 0.2 * 0.012 && light[150 * 401 + 200] == 1.0);
     }
 
@@ -304,7 +305,7 @@ mod tests {
     fn counts_are_distributed_as_poisson_says_at_every_mean() {
         for (seed, mean) in [0.05, 0.7, 3.0, 9.99, 10.0, 12.5, 40.0, 333.3, 6e4].into_iter().enumerate() {
             let z = z(chi_square(mean, 200_000, seed as u64, &mut |mean, random| poisson(mean, random)));
-            // Nine one-sided tests at 4 standard deviations: one in 3,500 seeds would fail.
+            // There are nine one-sided tests at 4 standard deviations: one in 3,500 seeds would fail.
             assert!(z < 4.0, "mean {mean}: z = {z}");
         }
     }

@@ -1,9 +1,9 @@
 //! The camera's optics resample the photo to camera pixels by area.
 //!
-//! Each camera pixel is divided into sub-pixels. The misregistration maps the centre of a sub-pixel, and its local scale gives the sides.
-//! Each sub-pixel is a mean over photo pixels (squares of constant light), weighted by the area of overlap. This is exact for shifts and
-//! scales, and the error is of second order in a sub-pixel's rotation. Light outside the photo is 0. The resampling is linear, so it is one
-//! sparse matrix, which is built once.
+//! Each camera pixel is divided into sub-pixels. The misregistration maps the centre of a sub-pixel to the photo, and the local scale of
+//! this map gives the sub-pixel's sides. The value of each sub-pixel is a mean over photo pixels (squares of constant light), weighted by
+//! the area of overlap. This is exact for shifts and scales, and the error is of second order in a sub-pixel's rotation. Light outside the
+//! photo is 0. The resampling is linear, so it is one sparse matrix, which is built once.
 
 use rayon::prelude::*;
 
@@ -21,8 +21,8 @@ impl VirtualCamera {
     ///
     /// Without misregistration, the camera raster and the photo raster cover the same field. A point of the camera raster then lies at a
     /// point `q` of the photo raster, in projector pixels. With misregistration, the camera point sees `H(c + (q − c)(1 + k₁ r²))`, where
-    /// `c` is the centre of the field and `r` is the distance from it, relative to the corner's distance. `H` rotates and scales about the
-    /// centre, then shifts, or it is the given homography.
+    /// `c` is the centre of the field and `r` is the distance of `q` from `c`, relative to a corner's distance. `H` rotates and scales
+    /// about the centre, then shifts, or it is the given homography.
     pub fn sees(&self, raster: Resolution, [x, y]: [f64; 2]) -> [f64; 2] {
         let centre = [raster.width as f64 / 2.0, raster.height as f64 / 2.0];
         let from_centre = [x - centre[0], y - centre[1]];
@@ -61,7 +61,7 @@ impl Optics {
         self.resample(|pixel| f64::from(samples[pixel * photo.channels() + channel]))
     }
 
-    /// The values of the camera's pixels. `light` is the light of a photo pixel.
+    /// The values of the camera's pixels. `light` gives the light of a photo pixel.
     pub(crate) fn resample(&self, light: impl Fn(usize) -> f64) -> Vec<f64> {
         let value =
             |row: &Vec<(u32, f64)>| row.iter().map(|&(pixel, weight)| weight * light(pixel as usize)).sum();
@@ -96,7 +96,7 @@ fn row(
     runs.map(|run| (run[0].0, weight * run.iter().map(|share| share.1).sum::<f64>())).collect()
 }
 
-/// Adds, for each photo pixel, the share of a rectangle with the centre `middle` that lies in it.
+/// Adds to `shares`, for each photo pixel, the share of the area of a rectangle (with the centre `middle`) that lies in this pixel.
 fn share_out(middle: [f64; 2], sides: [f64; 2], photo: Resolution, shares: &mut Vec<(u32, f64)>) {
     let ends = [photo.width as f64, photo.height as f64];
     let spans = [0, 1].map(|axis| {
@@ -117,7 +117,7 @@ fn share_out(middle: [f64; 2], sides: [f64; 2], photo: Resolution, shares: &mut 
     }
 }
 
-/// The factor `1 − vignetting · r²` at each pixel, where `r` is the distance from the centre relative to the corner's.
+/// The factor `1 − vignetting · r²` at each pixel, where `r` is the distance from the centre, relative to the distance of a corner.
 pub(crate) fn vignette(resolution: Resolution, vignetting: f64) -> Vec<f64> {
     let Resolution { width, height } = resolution;
     let offset = |index: usize, of: usize| index as f64 + 0.5 - of as f64 / 2.0;
@@ -136,7 +136,7 @@ pub(crate) type SeenLight = Vec<Vec<f64>>;
 pub(crate) struct View {
     transport: Box<dyn Transport + Send>,
     optics: Optics,
-    /// The share of the splitter's second image, and the optics of this image.
+    /// The share of the light that forms the splitter's second image, and the optics of this image.
     ghost: Option<(f64, Optics)>,
     blur: Option<Blur>,
     /// Stray light in each camera channel, for a pattern with a mean light of 1.
@@ -172,7 +172,7 @@ impl View {
         Ok(Self { transport, optics, ghost, blur, stray, channels, crosstalk, unlit })
     }
 
-    /// Adds stray light as a share of `white`, the light that `pattern` adds without stray light.
+    /// Sets the stray light of `pattern` to this `share` of the mean of `white`, which is the light of `pattern` without stray light.
     pub(crate) fn set_stray(&mut self, share: f64, pattern: &Image, white: &SeenLight) {
         let means = self.means(pattern);
         self.stray = means

@@ -1,4 +1,4 @@
-//! The description of a virtual rig, including all imperfections. By default there are none.
+//! The description of a virtual rig, including all imperfections. By default there are no imperfections.
 
 use std::path::PathBuf;
 
@@ -17,13 +17,13 @@ pub struct VirtualRig {
     pub projector: VirtualProjector,
     /// The camera.
     pub camera: VirtualCamera,
-    /// The beam splitter between them.
+    /// The beam splitter between projector and camera.
     pub splitter: Splitter,
     /// Light that does not come from the projector.
     pub ambient: Ambient,
-    /// How the projector's brightness changes with time.
+    /// The change of the projector's brightness with time.
     pub drift: Drift,
-    /// Which of the camera's frames fail.
+    /// The camera's frames that fail.
     pub faults: Faults,
     /// The seed of all random numbers of the devices. Equal seeds give identical counts.
     pub seed: u64,
@@ -83,7 +83,7 @@ pub struct VirtualProjector {
     pub curve: Option<Vec<f64>>,
     /// The share of white that level 0 emits.
     pub black_level: f64,
-    /// The share by which the corners are darker than the centre. The light falls off with the square of the distance.
+    /// The share by which the corners are darker than the centre. The loss grows with the square of the distance from the centre.
     pub vignetting: f64,
     /// Standard deviation of the Gaussian blur, in projector pixels.
     pub blur: f64,
@@ -94,13 +94,13 @@ pub struct VirtualProjector {
     /// The light that the white segment of a colour wheel adds to gray, as a share of the light that red, green and blue have in common in
     /// a pixel. White is then brighter than red, green and blue together by this share. Light is still measured relative to white.
     pub white_segment: f64,
-    /// How the brightness follows the frame.
+    /// The automatic iris, by which the brightness follows the frame.
     pub iris: Iris,
-    /// How the light of a frame is spread over time.
+    /// The pulses in which the light of a frame is emitted.
     pub pulse: Pulse,
     /// Whether the projector treats its levels as video levels: of 255, levels up to 16 are black, and levels from 235 on are white.
     pub limited_range: bool,
-    /// The share of the frame's width and height that is cut off, half at each end. The rest is stretched to the whole field.
+    /// The share of the frame's width and height that is cut off, half of it at each end. The remainder is stretched to the full field.
     pub overscan: f64,
 }
 
@@ -149,7 +149,7 @@ pub struct VirtualCamera {
     pub full_well: f64,
     /// The share of the full well that the white photo fills in `white_exposure` seconds.
     pub white_fill: f64,
-    /// The exposure, in seconds, in which the white photo fills `white_fill`.
+    /// The exposure, in seconds, in which the white photo fills the share `white_fill` of the full well.
     pub white_exposure: f64,
     /// Whether the number of electrons follows a Poisson distribution.
     pub shot_noise: bool,
@@ -157,7 +157,7 @@ pub struct VirtualCamera {
     pub read_noise: f64,
     /// Electrons per second without light.
     pub dark_current: f64,
-    /// The share by which the corners are less sensitive than the centre. The sensitivity falls off with the square of the distance.
+    /// The share by which the corners are less sensitive than the centre. The loss grows with the square of the distance from the centre.
     pub vignetting: f64,
     /// Standard deviation of the Gaussian blur of the camera's lens, in camera pixels.
     pub blur: f64,
@@ -169,7 +169,7 @@ pub struct VirtualCamera {
     pub curve: Option<Vec<f64>>,
     /// The shortest and the longest exposure in seconds.
     pub exposures: [f64; 2],
-    /// Exposures are whole multiples of this many seconds; 0: any exposure.
+    /// The step of exposures in seconds. Every exposure is a whole multiple of this step; 0: every exposure is possible.
     pub exposure_step: f64,
     /// Seconds from the end of an exposure until the frame arrives.
     pub readout: f64,
@@ -177,13 +177,13 @@ pub struct VirtualCamera {
     pub timeout: f64,
     /// The response of each camera channel (row) to each projector channel (column). `None`: the identity.
     pub crosstalk: Option<[[f64; 3]; 3]>,
-    /// The shift of what the camera sees to the right and down, in projector pixels. [`VirtualCamera::sees`] has the whole misregistration.
+    /// The shift of the camera's view to the right and down, in projector pixels (see [`VirtualCamera::sees`]).
     pub shift: [f64; 2],
     /// The rotation in degrees, clockwise in the picture.
     pub rotation: f64,
-    /// The scale. A camera with a scale above 1 sees more than the field.
+    /// The scale. A camera with a scale above 1 sees more than the projector's field.
     pub scale: f64,
-    /// The rows of a matrix on homogeneous positions in projector pixels. It replaces `shift`, `rotation` and `scale`.
+    /// The rows of a matrix that maps homogeneous positions in projector pixels. The matrix replaces `shift`, `rotation` and `scale`.
     pub homography: Option<[[f64; 3]; 3]>,
     /// The radial distortion `k₁`.
     pub distortion: f64,
@@ -230,14 +230,14 @@ fn response(gamma: Option<f64>, curve: Option<&Vec<f64>>) -> Response {
 }
 
 impl VirtualProjector {
-    /// Light as a function of the level without the black level, both from 0 to 1.
+    /// The emitted light, without the black level, as a function of the level. Both go from 0 to 1.
     pub fn response(&self) -> Response {
         response(self.gamma, self.curve.as_ref())
     }
 }
 
 impl VirtualCamera {
-    /// The count as a function of the electrons, both from 0 to 1.
+    /// The count as a function of the electrons. Both go from 0 to 1.
     pub fn response(&self) -> Response {
         response(self.gamma, self.curve.as_ref())
     }
@@ -296,7 +296,7 @@ impl Response {
     }
 }
 
-/// The faults of the beam splitter that the camera looks through. By default there are none.
+/// The faults of the beam splitter that the camera looks through. By default there are no faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Splitter {
@@ -305,7 +305,7 @@ pub struct Splitter {
     /// The displacement of the second image to the right and down, in projector pixels.
     pub ghost_shift: [f64; 2],
     /// The projector's light that reaches all camera pixels evenly without the scene, for instance because a light trap reflects. For a
-    /// white frame, it is this share of the mean of the white photo. For another frame, it is proportional to the frame's mean light.
+    /// white frame, the stray light is this share of the mean of the white photo. In general, it is proportional to the frame's mean light.
     pub stray: f64,
 }
 
@@ -315,14 +315,14 @@ pub struct Splitter {
 pub struct Ambient {
     /// The level relative to the mean of the white photo.
     pub level: f64,
-    /// The relative amplitude of its sinusoidal variation with time. A photo has the mean over its exposure.
+    /// The relative amplitude of the sinusoidal variation of the level with time. A photo contains the mean light over its exposure.
     pub variation: f64,
     /// The period of the sine in seconds.
     pub period: f64,
 }
 
-/// The change of the projector's brightness with time `t`: `(1 + per_hour · t / 3600)(1 + swing · sin(2π t / period))`. A photo
-/// has the mean over its exposure.
+/// The change of the projector's brightness with time `t`: `(1 + per_hour · t / 3600)(1 + swing · sin(2π t / period))`. A photo contains
+/// the mean light over its exposure.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Drift {

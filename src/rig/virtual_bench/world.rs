@@ -1,8 +1,8 @@
-//! The state of a virtual rig, and how it changes with time: the light on the sensor, its brightness, and the next frame.
+//! The state of a virtual rig and its changes with time: the light on the sensor, the projector's brightness, and the next frame.
 //!
-//! The state consists of the time, the history of the screen, and the number of the last frame. Everything else is a function of the rig's
-//! description, the frame's number and the time. Therefore a rig that is opened after a [`Stamp`](crate::rig::Stamp) continues as if it
-//! had never been closed.
+//! The state consists of the time, the history of the screen, and the number of the last frame. All other values are functions of the rig's
+//! description, the frame's number and the time. Therefore a rig that is opened after a [`Stamp`](crate::rig::Stamp) continues as if it had
+//! never been closed.
 
 use std::collections::VecDeque;
 
@@ -17,7 +17,7 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::{Frame, RawFrame};
 
-/// The number of changes in the screen's history. Late frames look back by one.
+/// The number of changes in the screen's history. Late frames look back by one change.
 const HISTORY: usize = 8;
 
 pub(crate) struct Change {
@@ -25,7 +25,7 @@ pub(crate) struct Change {
     pub(crate) asked: f64,
     pub(crate) confirmed: f64,
     pub(crate) appears: f64,
-    /// Its light on the sensor: one entry for all of the light, or three entries for red, green and blue where a wheel shows them in turn.
+    /// The new frame's light on the sensor: one entry for all colours, or three for red, green and blue if a wheel shows them in turn.
     pub(crate) light: Vec<SeenLight>,
     /// The brightness of the iris when the light appears, and the brightness that it approaches.
     pub(crate) iris: [f64; 2],
@@ -111,7 +111,7 @@ impl VirtualWorld {
         let fate = self.rig.faults.fate(self.rig.seed, self.id);
         let (asked, confirmed) = self.changes.back().map_or((0.0, 0.0), |last| (last.asked, last.confirmed));
         let started = match fate {
-            // The frame was waiting in a buffer, so it takes no time.
+            // A late frame was waiting in a buffer, so no time passes.
             Fate::Late => asked - exposure - camera.rolling_shutter,
             Fate::Early => confirmed,
             Fate::Good | Fate::Dropped | Fate::Repeated => self.now,
@@ -187,7 +187,7 @@ impl VirtualWorld {
         shares
     }
 
-    /// The projector's mean brightness during an exposure, relative to its brightness at the beginning.
+    /// The projector's mean brightness during an exposure, relative to its brightness at time 0.
     fn brightness(&self, middle: f64, exposure: f64) -> f64 {
         let drift = &self.rig.drift;
         let trend = (1.0 + drift.per_hour * middle / 3600.0).max(0.0);
@@ -229,12 +229,12 @@ impl Iris {
         1.0 - self.dimming * (1.0 - mean)
     }
 
-    /// The brightness `seconds` after a frame appeared. The brightness was `start` then, and approaches `target`.
+    /// The brightness `seconds` after a frame appeared. The brightness was `start` when the frame appeared, and approaches `target`.
     pub(crate) fn after(&self, [start, target]: [f64; 2], seconds: f64) -> f64 {
         if self.time == 0.0 { target } else { target + (start - target) * (-seconds / self.time).exp() }
     }
 
-    /// The mean brightness from one time to a later one, both in seconds after the frame appeared.
+    /// The mean brightness from one time to a later time, both in seconds after the frame appeared.
     pub(crate) fn mean(&self, [start, target]: [f64; 2], from: f64, until: f64) -> f64 {
         if self.time == 0.0 || from.is_infinite() {
             return target;
@@ -251,7 +251,7 @@ impl Iris {
 pub struct Pulse {
     /// The time in seconds from one pulse to the next, or of one turn of the colour wheel; 0: steady light.
     pub period: f64,
-    /// The share of a pulse's time in which light is emitted; 1: all of it.
+    /// The share of a pulse's time in which light is emitted; 1: light is emitted all the time.
     pub duty: f64,
     /// Whether a colour wheel shows red, green and blue in turn, each for a third of the period.
     pub wheel: bool,
@@ -284,7 +284,7 @@ impl Pulse {
 pub(crate) enum Fate {
     Good,
     Dropped,
-    /// The previous frame arrives again in its place.
+    /// The previous frame arrives again in place of this frame.
     Repeated,
     /// The frame was exposed before the last pattern was shown.
     Late,
@@ -292,7 +292,7 @@ pub(crate) enum Fate {
     Early,
 }
 
-/// A random number generator for one purpose. Equal keys give equal numbers.
+/// A random number generator for one purpose. Equal arguments give equal numbers.
 pub(crate) fn generator(seed: u64, frame: u64, purpose: u64) -> Pcg64 {
     let mut key = [0; 32];
     for (word, value) in key.chunks_exact_mut(8).zip([seed, frame, purpose, 0x6b72_796c_7578]) {
@@ -338,7 +338,7 @@ mod tests {
         for start in [0.0, 0.0033, 0.0071] {
             assert!((pulse.mean(0, start, start + 0.02) - 1.0).abs() < 1e-9);
         }
-        // One period and its lit half, then one period and its dark half.
+        // The first interval is one period and the lit half of the next. The second interval is one period and a dark half.
         assert!((pulse.mean(0, 0.0, 0.015) - 2.0 / 1.5).abs() < 1e-9);
         assert!((pulse.mean(0, 0.005, 0.020) - 1.0 / 1.5).abs() < 1e-9);
         let wheel = Pulse { period: 0.03, duty: 1.0, wheel: true };
@@ -368,7 +368,7 @@ mod tests {
             [(Fate::Dropped, 0.1), (Fate::Repeated, 0.05), (Fate::Late, 0.2), (Fate::Early, 0.0)]
         {
             let found = fates.iter().filter(|&&found| found == fate).count() as f64 / 2e4;
-            // Five standard errors of a binomial share.
+            // The bound is five standard errors of a binomial proportion.
             assert!((found - share).abs() <= 5.0 * (share * (1.0 - share) / 2e4).sqrt(), "{fate:?}: {found}");
         }
         assert!((1..=20_000).all(|id| faults.fate(7, id) == fates[id as usize - 1]));

@@ -1,4 +1,4 @@
-//! The conversion between levels and the pixel values of an X screen, and reading back its framebuffer.
+//! The conversion between levels and the pixel values of an X screen, and the comparison of the framebuffer with the drawn picture.
 
 use x11rb::connection::Connection;
 use x11rb::image::{Image, PixelLayout};
@@ -104,7 +104,7 @@ impl DrawnFrame {
     }
 
     pub(crate) fn height(&self) -> u16 {
-        // The picture fits the monitor, whose sides have 16 bits.
+        // The picture fits the monitor, so its height fits in 16 bits.
         (usize::from(self.rows.height()) * self.magnify) as u16
     }
 

@@ -2,7 +2,7 @@
 //!
 //! The window lives in a separate process. A crash or a hang of the X connection, or an interrupt in the terminal, therefore does not end
 //! the measurement. The process is always the `krylux` program, started as `krylux projector`. A program other than krylux never starts
-//! itself as the helper: it names the `krylux` program, or [`Helper::find`] searches for it.
+//! itself as the helper: such a program names the `krylux` program, or [`Helper::find`] searches for it.
 
 use std::ffi::OsString;
 use std::io::{Read, Write};
@@ -26,8 +26,8 @@ static DECLARED: OnceLock<PathBuf> = OnceLock::new();
 pub struct Helper {
     /// The `krylux` program.
     pub program: PathBuf,
-    /// The longest wait for an answer, 15 s by default. It must exceed the helper's own wait of 5 s for the X server, so that the helper
-    /// can report a failure.
+    /// The longest wait for an answer, 15 s by default. This wait must exceed the helper's own wait of 5 s for the X server, so that the
+    /// helper can report a failure.
     pub patience: Duration,
 }
 
@@ -104,7 +104,7 @@ impl Places<'_> {
             .ok_or_else(|| self.none(&name))
     }
 
-    /// Whether `program` is the running program. It did not declare that it is krylux, so it must not start itself.
+    /// Whether `program` is the running program. The running program did not declare that it is krylux, so it must not start itself.
     fn is_running(&self, program: &Path) -> bool {
         let real = |path: &Path| path.canonicalize().ok();
         self.running.and_then(real).is_some_and(|running| real(program) == Some(running))
@@ -147,7 +147,7 @@ pub fn serve_projector(mut from: impl Read, mut to: impl Write) -> std::io::Resu
 fn answer(screen: &mut Option<Screen>, request: Request, payload: &[u8]) -> Result<ShowTimes> {
     match (request, screen) {
         (Request::Open(spec), screen) => {
-            // The old window is closed before a new one opens.
+            // The old window is closed before a new window opens.
             *screen = None;
             *screen = Some(Screen::open(&spec)?);
             Ok(ShowTimes::default())

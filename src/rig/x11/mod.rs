@@ -2,7 +2,7 @@
 //!
 //! | step | what it does | file |
 //! |---|---|---|
-//! | choose | finds the monitor by name or number, which must show its native pixels without a gamma ramp | `monitor` |
+//! | choose | finds the monitor by name or number, and checks that the monitor shows pixels unchanged | `monitor` |
 //! | draw | converts levels to the screen's pixel format; each pattern pixel becomes a square | `canvas` |
 //! | show | presents a frame, waits for the confirmation, and reads the frame back | `screen`, `canvas` |
 //! | watch | notices a window that is closed, covered or moved, and a lost server | `watch` |
@@ -11,8 +11,8 @@
 //! Reading back shows the contents of the server's framebuffer. The monitor may change the picture afterwards (sharpening, its own gamma, a
 //! colour wheel). Only the camera sees such changes; calibration and audit find them.
 //!
-//! Without the feature `x11`, as on macOS and Windows, a rig file can still be read and described, but every request to show something is an
-//! error that names the missing feature.
+//! Without the feature `x11`, as on macOS and Windows, a rig file can still be read and described, but every request to show a frame
+//! returns an error that names the missing feature.
 
 #[cfg(feature = "x11")]
 mod canvas;
@@ -132,13 +132,13 @@ pub struct MonitorInfo {
     pub resolution: Resolution,
     /// The position of the top left pixel on the server's screen, to the right and down, in pixels.
     pub place: [i16; 2],
-    /// Whether it is the desktop's primary monitor.
+    /// Whether the monitor is the desktop's primary monitor.
     #[serde(rename = "primary")]
     pub is_primary: bool,
     /// Seconds from one refresh to the next, if the server reports it.
     pub frame_time: Option<f64>,
-    /// Whether the server reports the gamma ramp, which is then a straight line. A server without a real display reports no ramp, or
-    /// uninitialized memory.
+    /// Whether the server reports the monitor's gamma ramp. A reported ramp is a straight line. A server without a real display reports no
+    /// ramp, or uninitialized memory.
     #[serde(skip)]
     pub knows_ramp: bool,
     /// The display controllers (CRTCs) that drive the monitor, by the server's numbers.

@@ -196,8 +196,8 @@ pub(crate) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -
     Ok(knows_ramp)
 }
 
-/// Whether these ramps of red, green and blue were set by someone. Each ramp of a set must rise or fall throughout, and one of them must
-/// span part of the range. A server without a real display has no ramps or only zeros. After its first client has left, Xvfb returns
+/// Whether somebody has set these gamma ramps of red, green and blue. Each ramp must then rise or fall throughout, and at least one ramp
+/// must span part of the range. A server without a real display has no ramps or only zeros. After its first client has left, Xvfb returns
 /// uninitialized memory.
 fn is_ramp(ramps: [&[u16]; 3]) -> bool {
     let tolerance = (65535.0 * RAMP_TOLERANCE) as u16;
@@ -300,7 +300,7 @@ mod tests {
         assert!(!is_ramp([&off, &off, &off]) && !is_ramp([&[], &[], &[]]));
     }
 
-    /// Remains in memory, such as pointers, small numbers and zeros of 64 bits each.
+    /// The ramps are remains in memory, such as pointers, small numbers and zeros of 64 bits each.
     #[test]
     fn memory_that_nobody_has_written_is_no_ramp() {
         use rand::{RngExt, SeedableRng};

@@ -1,5 +1,5 @@
-//! The projector of a rig. It sends requests to the helper process, and starts another process when the helper fails. Each message between
-//! them consists of a JSON header and raw bytes, preceded by both lengths as little-endian 32-bit numbers.
+//! The projector of a rig. The projector sends requests to the helper process, and starts another process when the helper fails. Each
+//! message in either direction consists of two lengths as little-endian 32-bit numbers, a JSON header, and raw bytes.
 
 use std::io;
 use std::io::{Read, Write};
@@ -27,7 +27,7 @@ pub struct X11Projector {
     helper: Helper,
     clock: WallClock,
     process: Option<Process>,
-    /// Whether a frame is on screen, as far as is known.
+    /// Whether a frame is known to be on screen.
     is_shown: bool,
     times: ShowTimes,
     restarts: u64,
@@ -46,7 +46,7 @@ enum Failure {
 }
 
 impl X11Projector {
-    /// Opens the window, which shows level 0, in a process of `helper`. Confirmations have times of `clock`.
+    /// Opens the window, which shows level 0, in a process of `helper`. The times of confirmations are read from `clock`.
     ///
     /// # Errors
     /// [`Error::Rig`] when the helper cannot be started, there is no such server or monitor, or the monitor has the wrong size or does not
@@ -154,14 +154,14 @@ impl Process {
     fn start(helper: &Helper) -> std::result::Result<Self, String> {
         let mut command = Command::new(&helper.program);
         command.arg("projector").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::inherit());
-        // A separate process group keeps the terminal's interrupt from the helper. Only the run receives it, and the run ends the helper.
+        // An interrupt in the terminal does not reach a separate process group. It reaches only the run, which ends the helper.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command.spawn().map_err(|why| why.to_string())?;
         let Some(mut answers) = child.stdout.take() else { return Err("it has no standard output".into()) };
         let (sender, replies) = channel();
         let reader = std::thread::Builder::new().spawn(move || {
-            // The channel closes when the pipe ends or fails, which `ask` notices.
+            // When the pipe ends or fails, the channel closes, and `ask` notices this.
             while let Ok(Some((reply, _))) = receive(&mut answers) {
                 if sender.send(reply).is_err() {
                     break;
@@ -226,7 +226,7 @@ pub struct ShowTimes {
     pub draw: f64,
     /// Time to wait for the server's confirmation.
     pub present: f64,
-    /// Time to wait for the following refreshes, as far as it exceeds the time for reading back.
+    /// Time to wait for further refreshes after the frame has been read back.
     pub settle: f64,
     /// Time to read the frame back, which happens while refreshes pass.
     pub verify: f64,

@@ -33,7 +33,7 @@ pub(crate) struct Screen {
     gc: Gcontext,
     /// The two pixmaps are shown alternately, so that the server never shows the pixmap that is being drawn.
     pixmaps: [Pixmap; 2],
-    /// The pixmap that receives each row of a pattern once. The server copies rows from it.
+    /// The pixmap that receives each row of a pattern once. The server copies the rows from this pixmap.
     rows: Pixmap,
     turn: usize,
     serial: u32,
@@ -69,7 +69,7 @@ impl Screen {
         let window = window(&connection, &screen, &monitor).map_err(opening)?;
         let (gc, pixmaps) = pixmaps(&connection, &screen, &monitor).map_err(opening)?;
         let shown = spec.shown();
-        // The pattern fits the monitor, whose sides have 16 bits.
+        // The pattern fits the monitor, so its sides fit in 16 bits.
         let rows = [shown.width, spec.size[1]].map(|side| side as u16);
         let rows = pixmap(&connection, &screen, rows).map_err(opening)?;
         let (size, [x, y]) = (monitor.resolution, monitor.place.map(i32::from));
@@ -101,7 +101,8 @@ impl Screen {
         Ok(screen)
     }
 
-    /// Shows a frame that fits. On return, the server has confirmed it, the settle refreshes have passed, and it has been read back.
+    /// Shows a frame, which must fit the monitor. On return, the frame has been confirmed and read back, and `settle_frames` refreshes have
+    /// passed.
     pub(crate) fn show(&mut self, frame: &Frame) -> Result<ShowTimes> {
         let began = Instant::now();
         self.watch.look(&self.connection)?;
@@ -145,8 +146,8 @@ impl Screen {
         if settles {
             self.await_refresh(confirmed.refresh + self.spec.settle_frames)?;
         }
-        // Reading back happens while the refreshes pass. A window that covers this one before that causes an event, and `confirm` finds a
-        // window that covers it later, after the photo.
+        // The frame is read back while the refreshes pass. A window that covers the projector's window earlier causes an event. `confirm`
+        // finds, after the photo, a window that covers it later.
         let is_there = self.difference(&picture)?.is_none();
         let verified = began.elapsed();
         if settles {
@@ -185,7 +186,7 @@ impl Screen {
         let Some(picture) = self.shown.take() else { return Ok(()) };
         self.read_back(&picture)?;
         self.shown = Some(picture);
-        // The server sends events in order. The events from before its answer have therefore arrived.
+        // The server sends events and answers in order. Therefore all events from before the answer have arrived.
         self.watch.look(&self.connection)
     }
 
@@ -200,7 +201,7 @@ impl Screen {
         Ok(self.watch.completed(&self.connection, self.serial, false)?.refresh)
     }
 
-    /// Checks pixel by pixel that the framebuffer holds the drawn picture, and allows some refreshes for it to appear.
+    /// Checks pixel by pixel that the framebuffer holds the drawn picture, and allows some refreshes for the picture to appear.
     fn read_back(&mut self, drawn: &DrawnFrame) -> Result<()> {
         let mut found = self.difference(drawn)?;
         let mut refresh = 0;
@@ -208,7 +209,7 @@ impl Screen {
             if found.is_none() {
                 return Ok(());
             }
-            // A request for a past refresh is answered at the next one.
+            // The server answers a request for a past refresh at the next refresh.
             self.await_refresh(refresh + 1)?;
             refresh = self.refreshed()?;
             found = self.difference(drawn)?;
@@ -239,7 +240,7 @@ impl Screen {
         };
         let mut found: Option<Difference> = None;
         let mut coming = None;
-        // One band is compared while the next one is in transit.
+        // One band is compared while the next band is in transit.
         for band in drawn.bands().map(Some).chain([None]) {
             let next = band.map(ask).transpose()?;
             let Some((top, height, asked)) = std::mem::replace(&mut coming, next) else { continue };

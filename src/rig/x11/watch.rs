@@ -23,7 +23,7 @@ pub(crate) struct Watch {
     place: [i32; 4],
     mapped: bool,
     obscured: bool,
-    /// The trouble since the last check. It is kept until it is reported.
+    /// The trouble that was noticed since the last check. It is kept until it is reported.
     trouble: Option<Trouble>,
     completed: Option<Completed>,
 }
@@ -42,7 +42,7 @@ pub(crate) struct Completed {
     serial: u32,
     /// Whether the server confirms a frame. Otherwise it reports a refresh.
     of_frame: bool,
-    /// Whether the frame was skipped in favour of a later one.
+    /// Whether the frame was skipped in favour of a later frame.
     pub(crate) skipped: bool,
     pub(crate) refresh: u64,
 }
@@ -92,7 +92,7 @@ impl Watch {
         }
     }
 
-    /// The confirmation of a frame or refresh with this serial number, if it has arrived. Others belong to earlier requests.
+    /// The confirmation of a frame or refresh with this serial number, if it has arrived. Other confirmations belong to earlier requests.
     fn confirmation(&mut self, serial: u32, of_frame: bool) -> Option<Completed> {
         self.completed.take_if(|found| found.serial == serial && found.of_frame == of_frame)
     }
