@@ -221,8 +221,8 @@ const DEGREE: usize = 6;
 const EVEN: f64 = 0.05;
 
 /// Computes the brightness of both devices from a photo of a sheet under white. The sheet is matte, has one colour, fills the view and
-/// stands square to the camera. `measurement` must not correct uneven brightness. `known` is the ratio of the projector's brightness to the
-/// camera's.
+/// stands square to the camera. `measurement` must not correct uneven brightness. `known` gives the ratio of the projector's brightness
+/// to the camera's.
 ///
 /// # Errors
 /// [`Error::Rig`] when the photo does not show an even sheet, and the errors of taking the photo.

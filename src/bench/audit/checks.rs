@@ -61,8 +61,8 @@ pub(crate) fn additivity(lit: &Plane, rest: &Plane, white: &Plane, bound: f64) -
     )
 }
 
-/// Finds the largest relative deviation from homogeneity. `scaled` holds scale factors, with photos of the pattern scaled by each factor.
-/// Returns the deviation, its standard error and the factor.
+/// Compares `photo` with photos of the same pattern multiplied by factors. `scaled` pairs each factor with its photo. Returns the largest
+/// relative deviation, its standard error and the factor.
 fn largest_deviation(photo: &Plane, scaled: &[(f64, Plane)]) -> (Ratio, f64, f64) {
     let norm: f64 = photo.values.iter().map(|value| value * value).sum();
     let mut worst = (Ratio::from(0.0), 0.0, 0.0);
