@@ -96,7 +96,7 @@ impl Place {
         }
     }
 
-    /// The power of two nearest below the median distance between camera and surfaces, in metres.
+    /// A power of two near the median distance between camera and surfaces, in metres.
     pub(super) fn distance(&self) -> f64 {
         2_f64.powi(self.distances.power(0.5))
     }
