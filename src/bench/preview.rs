@@ -187,8 +187,7 @@ pub struct FrameFigures {
 }
 
 impl FrameFigures {
-    /// Computes the figures of frame number `frame`. The other arguments are the rate in frames per second, the focus score and the best
-    /// score so far.
+    /// Computes the figures of frame number `frame`. `per_second` is the rate of frames, and `best_focus` the best focus score so far.
     pub(crate) fn of(
         raw: &RawFrame,
         range: &CountRange,
@@ -386,8 +385,7 @@ mod tests {
         assert!((dim / scores[2] - 1.0).abs() < 1e-2, "{dim} {}", scores[2]);
     }
 
-    /// Two frames that are linear ramps. Their gradients, summed over three channels, are (20, 6) and (40, −10). The product of the
-    /// gradients is 740 everywhere.
+    /// Two linear ramps. Their gradients, summed over three channels, are (20, 6) and (40, −10), and have the product 740 everywhere.
     #[test]
     fn the_score_of_slopes_is_the_product_of_their_gradients_over_that_of_their_light() {
         let slope = |right: i32, down: i32, channels: usize| {

@@ -132,8 +132,7 @@ fn dark_series(
     Ok(frames)
 }
 
-/// Fits a line to the mean counts of black frames as a function of the exposure. Returns the black level in DN, and the slope in DN per
-/// second.
+/// Fits a line to the mean counts of black frames over their exposure. Returns the black level in DN, and the slope in DN per second.
 fn dark_line(
     dark: &[[RawFrame; 2]],
     darks: &[RawFrame],
@@ -309,8 +308,7 @@ mod tests {
         [frame(true), second]
     }
 
-    /// Signals of `10 (2 d² − 4)` have variances on a line, apart from the factor 64/63. The line has a slope of 1/10, and a variance of 4
-    /// without light.
+    /// Signals of `10 (2 d² − 4)` have variances on a line of slope 1/10 with a variance of 4 without light, apart from the factor 64/63.
     #[test]
     fn gain_and_read_noise_are_the_slope_of_the_line_and_what_it_has_without_light() {
         let linear = Linear { black: 100.0, curve: None };

@@ -1,8 +1,8 @@
 //! The displacement of a photo relative to a known pattern, to fractions of a pixel.
 //!
-//! The photo at `x` shows the pattern at `x + d(x)`, where the displacement `d` is an affine function of `x`. The pattern and the photo are
-//! blurred equally. Gauss–Newton iteration then finds `d` (Lucas and Kanade, *An iterative image registration technique*, 1981), starting
-//! from the best whole-pixel shift.
+//! The photo at `x` shows the pattern at `x + d(x)`, where the displacement `d` is an affine function of `x`. Both are blurred equally.
+//! Gauss–Newton iteration then finds `d` (Lucas and Kanade, *An iterative image registration technique*, 1981), starting from the best
+//! whole-pixel shift.
 
 use super::least_squares::Normal;
 use crate::error::{Error, Result};
@@ -24,8 +24,7 @@ const CORRELATED: f64 = 4.0 * std::f64::consts::PI * BLUR * BLUR;
 /// The largest number of iterations. A few suffice, because the best whole-pixel shift is the start.
 const STEPS: usize = 12;
 
-/// The number of unknowns: two for the offset and the contrast of the photo, and six for `d` (two of the shift, four of rotation, scale and
-/// shear).
+/// The number of unknowns: two for offset and contrast of the photo, and six for `d` (two of the shift, four of rotation, scale and shear).
 const UNKNOWNS: usize = 8;
 
 /// The number of unknowns without rotation, scale and shear.
@@ -203,15 +202,13 @@ fn unseen() -> Error {
     )
 }
 
-/// The standard deviation of the narrow blur, in pixels. The blur makes edges so wide that the iteration converges from a distance of one
-/// pixel.
+/// The standard deviation of the narrow blur, in pixels. It widens edges so much that the iteration converges from a pixel away.
 pub(crate) const BLUR: f64 = 1.2;
 
 /// The standard deviation of the wide blur, in pixels. Global light varies over longer distances than this.
 const SLOW: f64 = 3.0;
 
-/// Computes the band-pass of a picture: the difference of a narrow and a wide blur. Only pixels that are `used` count. Returns `None` when
-/// a blur has no width.
+/// The band-pass of a picture: the difference of a narrow and a wide blur of the `used` pixels. It is `None` when a blur has no width.
 pub(crate) fn band(size: Resolution, picture: &[f64], used: &[bool]) -> Option<Vec<f64>> {
     let of_used = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
         (0..size.pixels()).map(|pixel| if used[pixel] { of(pixel) } else { 0.0 }).collect()
@@ -351,8 +348,8 @@ mod tests {
         let mean = off.iter().map(|off| off.0).sum::<f64>() / 40.0;
         let spread = (off.iter().map(|off| (off.0 - mean).powi(2)).sum::<f64>() / 39.0).sqrt();
         let stated = off.iter().map(|off| off.1).sum::<f64>() / 40.0;
-        // The stated error is for the corner, and includes the correlation of neighbours. It may be several times the scatter, but not
-        // smaller.
+        // The stated error is for the corner, and includes the correlation of neighbours. It may exceed the scatter, by several times at
+        // most.
         assert!(stated > 0.8 * spread && stated < 20.0 * spread, "{stated} {spread}");
     }
 
@@ -392,8 +389,7 @@ mod tests {
         let slow: Vec<f64> = (0..size.pixels()).map(|pixel| 5.0 + 0.1 * (pixel % 48) as f64).collect();
         let used: Vec<bool> = (0..size.pixels()).map(|pixel| pixel % 48 < 24).collect();
         let left = band(size, &slow, &used).expect("both blurs are wider than 0");
-        // At the end of the used part, the wide blur changes the ramp. The change is at most the rise of the ramp over the width of the
-        // blur.
+        // At the end of the used part, the wide blur changes the ramp by at most the ramp's rise over the width of the blur.
         assert!((0..size.pixels()).filter(|&pixel| used[pixel]).all(|pixel| left[pixel].abs() < 0.3));
         assert!(left[16 * 48 + 12].abs() < 1e-3, "{}", left[16 * 48 + 12]);
         let pairs = [(0.0, 1.0), (1.0, 3.0), (2.0, 5.0)];

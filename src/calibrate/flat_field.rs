@@ -177,8 +177,7 @@ fn slope(x: &[f64], Resolution { width, height }: Resolution) -> Vec<f64> {
     (0..x.len()).map(of).collect()
 }
 
-/// Finds the longest exposure at which no sample of white is saturated. The search descends from the exposure at which white fills the
-/// range.
+/// The longest exposure at which no sample of white is saturated. The search descends from the exposure at which white fills the range.
 fn unsaturated(session: &mut CalibrationSession<'_>, model: &CameraModel) -> Result<f64> {
     let white = session.filled(session.top());
     let mut exposure = model.exposure;
@@ -221,8 +220,8 @@ const DEGREE: usize = 6;
 const EVEN: f64 = 0.05;
 
 /// Computes the brightness of both devices from a photo of a sheet under white. The sheet is matte, has one colour, fills the view and
-/// stands square to the camera. `measurement` must not correct uneven brightness. `known` gives the ratio of the projector's brightness
-/// to the camera's.
+/// stands square to the camera. `measurement` must not correct uneven brightness. `known` gives the projector's brightness relative to the
+/// camera's.
 ///
 /// # Errors
 /// [`Error::Rig`] when the photo does not show an even sheet, and the errors of taking the photo.
@@ -295,8 +294,7 @@ mod tests {
         assert_eq!(unspread(&[1.0, 2.0], None), [1.0, 2.0]);
     }
 
-    /// The prior (all terms are small) is combined with one equation. The terms become proportional to the equation's row, by a factor that
-    /// depends on the equation's weight.
+    /// The prior (all terms are small) is combined with one equation. The terms are then proportional to the equation's row.
     #[test]
     fn an_equation_is_weighed_by_noise_response_and_map() {
         let photos = Photos {

@@ -132,8 +132,7 @@ pub(crate) fn ascending(values: &[f64], weights: &[f64]) -> Vec<f64> {
 pub(crate) struct Clusters(BTreeMap<(usize, u64), [f64; PARAMETERS]>);
 
 impl Clusters {
-    /// Adds a residual to a group, with its derivatives with respect to the parameters. `group` is the axis and the index of the column or
-    /// row.
+    /// Adds a residual to a group, with its derivatives with respect to the parameters. `group` is the axis, and the column or row.
     pub(crate) fn add(&mut self, group: (usize, u64), slopes: &[f64; PARAMETERS], weighted_residual: f64) {
         let pull = self.0.entry(group).or_insert([0.0; PARAMETERS]);
         pull.iter_mut().zip(slopes).for_each(|(pull, slope)| *pull += weighted_residual * slope);

@@ -28,8 +28,7 @@ const PATTERNS: usize = 8;
 /// Projector pixels with less than this fraction of the median light are not used.
 const DARK: f64 = 0.1;
 
-/// Measures the displacement of the pixel map of `known`. Photographs black, white and one pattern (several in a small field) at `exposure`
-/// seconds.
+/// Measures the displacement of the pixel map of `known`. Photographs black, white and a pattern (several in a small field) at `exposure` s.
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] when the photos do not show the pattern.
@@ -92,8 +91,7 @@ mod tests {
                     all += 1;
                 }
             }
-            // The changes between neighbouring squares are as random as tosses of a coin (at least 150). The bound is four standard
-            // deviations √(n/4).
+            // The changes between neighbouring squares are random (at least 150 coin tosses). The bound is four standard deviations √(n/4).
             let bound = 4.0 * (all as f64 / 4.0).sqrt();
             for changes in [across, down] {
                 assert!((changes as f64 - 0.5 * all as f64).abs() < bound, "{changes} of {all}");
@@ -105,8 +103,7 @@ mod tests {
         }
     }
 
-    /// The camera sees one pixel to the right of the position in the map and half a pixel above it. The camera has an offset and a curved
-    /// response.
+    /// The camera sees one pixel to the right of its map and half a pixel above it. It has an offset and a curved response.
     #[test]
     fn a_map_that_is_off_by_a_shift_is_found_through_black_and_response() {
         use crate::measure::CaptureRequest;

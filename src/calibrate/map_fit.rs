@@ -209,9 +209,8 @@ mod tests {
             fit(&matches(&truth, wrong), truth.camera, truth.projector, 0.41).expect("enough matches");
         let off = off(&found.map, &truth);
         // For 8000 independent correspondences with an error of √(1/6) pixel each, ten parameters would give an error of 0.41 √(10/16000) =
-        // 0.010. The rounding errors repeat along rows and columns, so they are not independent. The stated error includes this: 0.018. The
-        // rounding errors also vary systematically from column to column, which the stated error does not include. The actual error is
-        // 0.042.
+        // 0.010. The rounding errors repeat along rows and columns, so the stated error is larger: 0.018. They also vary systematically
+        // from column to column, which the stated error does not include. The actual error is 0.042.
         assert!(off < 0.05, "{off}");
         assert!((0.5..3.0).contains(&(off / found.error)), "{off} against {}", found.error);
         assert!((found.rms - (1.0_f64 / 6.0).sqrt()).abs() < 0.05, "{}", found.rms);
@@ -255,8 +254,8 @@ mod tests {
             .map(|d| 0.001 * d * (-0.5 * d * d).exp() * weight(d, 3.0))
             .sum();
         let expected = sigma * (10.0 / truth.camera.pixels() as f64 / mean).sqrt();
-        // The relative standard error of the scatter is 1/√10800. The limit of the weights depends on the median, which has a relative
-        // error of two percent.
+        // The relative standard error of the scatter is 1/√10800. The median, which scales the weights, has a relative error of two
+        // percent.
         assert!((found.error / expected - 1.0).abs() < 0.05, "{} against {expected}", found.error);
         // The chi-square of ten parameters has a relative scatter of √(2/10), and the test draws it once.
         assert!((0.4..1.6).contains(&(off(&found.map, &truth) / expected)));

@@ -54,8 +54,8 @@ pub struct CalibrateOptions {
     pub takes: u32,
     /// The largest number of levels that are shown, at least 3. `None` means 257, or 33 when frames are more than half a second apart.
     pub levels: Option<usize>,
-    /// The source of the pixel map. `None` selects Gray codes, or a checkerboard when the camera has fewer than 1.5 pixels per projector
-    /// pixel along an axis.
+    /// The source of the pixel map. `None`: Gray codes, or a checkerboard for fewer than 1.5 camera pixels per projector pixel along an
+    /// axis.
     pub map: Option<MapBy>,
     /// Whether projector and camera have the same pose and lens, so that the transport matrix is symmetric. Only then can uneven brightness
     /// of the devices be distinguished from the scene.
@@ -71,8 +71,7 @@ impl Default for CalibrateOptions {
 /// The settle time is the measured latency times this factor.
 const SETTLE_MARGIN: f64 = 1.25;
 
-/// Measures all values of a [`Calibration`]. The calibration calls `progress` with the name of each step before the step begins, and stops
-/// if `progress` breaks.
+/// Measures all values of a [`Calibration`]. `progress` gets the name of each step before the step begins, and may stop the calibration.
 ///
 /// # Errors
 /// [`Error::Rig`] when the rig fails, or when its photos cannot be evaluated; [`Error::Interrupted`] when `progress` stops the calibration.

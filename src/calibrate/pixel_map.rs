@@ -23,8 +23,8 @@ const OUTLIERS: f64 = 0.5;
 /// it lies inside one projector pixel. This hides a shift by a fraction of a pixel.
 const SAMPLED: f64 = 1.5;
 
-/// The codes are exact when less than this fraction of the camera pixels remains undecoded. Each decoded camera pixel then lies inside one
-/// projector pixel.
+/// The codes are exact when less than this fraction of the camera pixels is undecoded. Each other camera pixel lies inside a projector
+/// pixel.
 const ALIGNED: f64 = 0.1;
 
 /// Stripes must be at least this wide to be decoded, in camera pixels.
@@ -65,8 +65,7 @@ pub(crate) fn pixel_map(
     let outliers = |fit: &Fit| fit.outliers;
     match fit {
         Ok(fit) if fit.rms < FITS * decoded.step as f64 && fit.outliers < OUTLIERS => {
-            // The stripes refine the map unless no camera pixel sees an edge. In that case, the codes are exact, and the stripes are less
-            // informative.
+            // The stripes refine the map, unless no camera pixel sees an edge: the codes are then exact, and the stripes less informative.
             let finer = refined(&fit, &decoded).ok().filter(|finer| finer.error < fit.error);
             let fit = finer.unwrap_or(fit);
             let registration = by_overlap(&fit.map, &decoded.lit);
@@ -85,8 +84,7 @@ pub(crate) fn pixel_map(
             };
             Ok((registration, figures))
         }
-        // No common map fits, for example because the camera is not at the projector's centre of projection. Each decoded camera pixel is
-        // then used separately.
+        // No common map fits, perhaps because the rig is not coaxial. Each decoded camera pixel is then used separately.
         Ok(fit) if by == MapBy::GrayCode && decoded.step == 1 => {
             let registration = by_decoding(&decoded, camera, projector);
             let figures = MapFigures {
@@ -141,10 +139,9 @@ fn masked(registration: &Registration) -> f64 {
     empty as f64 / registration.projector.pixels() as f64
 }
 
-// The corners of a checkerboard serve cameras that do not resolve single projector pixels (O'Toole and Kutulakos, section 8.1). Let `p` and
-// `q` be the photos of a checkerboard and of its inverse. Their contrast `(p − q)/(p + q)` does not depend on the scene's albedo. Each
-// inner corner is a saddle point of the contrast. Its position is the saddle point of a quadratic polynomial fitted around it (Lucchese and
-// Mitra 2002).
+// The corners of a checkerboard serve cameras that do not resolve single projector pixels (O'Toole and Kutulakos, section 8.1). The
+// contrast `(p − q)/(p + q)` of the photos `p` of a checkerboard and `q` of its inverse does not depend on the scene's albedo. Each inner
+// corner is a saddle point of the contrast. It is found as the saddle point of a fitted quadratic polynomial (Lucchese and Mitra 2002).
 
 /// The side of a square of the checkerboard, in camera pixels.
 const SQUARE: f64 = 6.0;
@@ -176,8 +173,7 @@ pub(crate) fn corners(
     Ok(matches)
 }
 
-/// Finds the saddle point near `near`, in camera pixels from the top left corner. Returns `None` when there is no saddle point or when too
-/// few pixels are lit.
+/// The saddle point near `near`, in camera pixels from the top left corner. `None` when there is no saddle, or too few pixels are lit.
 fn saddle(contrast: &[f64], lit: &[bool], map: &LensMap, near: [f64; 2], reach: f64) -> Option<[f64; 2]> {
     let mut at = near;
     for _ in 0..12 {
@@ -199,8 +195,7 @@ fn saddle(contrast: &[f64], lit: &[bool], map: &LensMap, near: [f64; 2], reach: 
                 let pixel = row * map.camera.width + column;
                 if lit[pixel] {
                     count += 1;
-                    // The weight falls smoothly to 0 at the border, so that no pixel enters or leaves the window abruptly as the centre
-                    // moves.
+                    // The weight falls smoothly to 0 at the border, so that no pixel enters or leaves the window abruptly as it moves.
                     let weight = (1.0 - distance * distance).powi(2);
                     normal.add_full(&[1.0, x, y, x * x, x * y, y * y], contrast[pixel], weight);
                 }
@@ -317,8 +312,7 @@ mod tests {
         let contrast = board([20.0, 15.0]);
         let lit_from =
             |column: usize| -> Vec<bool> { (0..SIZE.pixels()).map(|pixel| pixel % 40 >= column).collect() };
-        // 52 pixels are nearer than four pixels to the corner. Columns 16 and 17 contain four and six of these pixels, and column 18
-        // contains eight.
+        // 52 pixels are nearer than four pixels to the corner: four of them are in column 16, six in column 17, and eight in column 18.
         let at = found(&contrast, &lit_from(18), [20.0, 15.0]).expect("ten of 52 are dark");
         assert!((at[0] - 20.0).hypot(at[1] - 15.0) < 1e-9, "{at:?}");
         assert_eq!(found(&contrast, &lit_from(19), [20.0, 15.0]), None, "eighteen of them");

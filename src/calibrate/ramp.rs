@@ -2,9 +2,8 @@
 //!
 //! A uniform frame scales all light of the scene, global light included. The light of a level relative to the brightest level is therefore
 //! the same number for all pixels: `r(l) = Σ (rate_l − rate_0) / Σ (rate_top − rate_0)`. Here `rate_l` is the light of a pixel per second
-//! under level `l`, and the sums are over the pixels that are not saturated. Dark levels are exposed longer. A photo of black at the same
-//! exposure is subtracted, so that an error of the black level cancels. White is photographed again every few levels, and the drift of the
-//! light is divided out.
+//! under level `l`. Saturated pixels are left out. Dark levels are exposed longer. A photo of black at the same exposure is subtracted, so
+//! that an error of the black level cancels. White is photographed every few levels, and the drift of the light is divided out.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -105,8 +104,7 @@ fn levels(top: u16, most: usize) -> Vec<u16> {
     (0..count).map(|index| (index * usize::from(top) / (count - 1)) as u16).collect()
 }
 
-/// Computes the light `lit − dark` relative to `white − base`, with its standard error. The two photos of each difference have the same
-/// exposure.
+/// The light `lit − dark` relative to `white − base`, with its standard error. Both photos of each difference have the same exposure.
 fn relative(model: &CameraModel, lit: &Mean, dark: &Mean, white: &Mean, base: &Mean) -> Result<(f64, f64)> {
     let (mut sum, mut norm, mut variance) = (0.0, 0.0, 0.0);
     for sample in 0..lit.counts.len() {
@@ -173,8 +171,7 @@ fn finish(
     Ok(Ramp { curve, figures, whites, white_error })
 }
 
-/// Interpolates the light of each level from `knots`. The interpolation is linear in `light^(1/γ)` (γ is the exponent), which is nearly
-/// linear in the level.
+/// Interpolates the light of each level from `knots`, linearly in `light^(1/γ)` (γ is the exponent), which is nearly linear in the level.
 fn interpolated(knots: &[(f64, f64)], top: f64, gamma: f64) -> Vec<f64> {
     let levels = (0..=top as usize).map(|level| level as f64 / top);
     if knots.len() as f64 > top {

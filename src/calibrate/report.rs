@@ -17,8 +17,7 @@ pub struct CalibrationReport {
     pub projector: Vec<ProjectorFigures>,
     /// The pixel map.
     pub map: MapFigures,
-    /// The smallest ratio of the projector's brightness to the camera's, divided by the largest ratio. It is `None` when the rig is not
-    /// coaxial.
+    /// The smallest ratio of the projector's to the camera's brightness, divided by the largest. It is `None` when the rig is not coaxial.
     #[serde(default)]
     pub evenness: Option<MeasuredValue>,
     /// The stability over time.
@@ -74,8 +73,7 @@ pub struct MapFigures {
     pub lens: Option<LensMap>,
     /// The number of points to which the map was fitted.
     pub points: usize,
-    /// The root mean square distance of these points from the map, in projector pixels. With Gray codes, which give whole pixels, it is at
-    /// least 0.41.
+    /// The root mean square distance of these points from the map, in projector pixels. It is at least 0.41 with Gray codes (whole pixels).
     pub rms: f64,
     /// The standard error of the map, root mean square over the field, in projector pixels.
     pub error: f64,
@@ -143,8 +141,7 @@ impl fmt::Display for MeasuredValue {
 }
 
 impl CalibrationReport {
-    /// The report as lines of text. Each line has a subject and its figures. The subject is empty when the line continues the previous
-    /// line.
+    /// The report as lines of text, each with a subject and its figures. An empty subject means that the previous line continues.
     pub fn lines(&self) -> Vec<[String; 2]> {
         let Self { projector, map, evenness, stability, effort, .. } = self;
         let mut lines = Vec::from(self.camera.lines());

@@ -90,8 +90,7 @@ fn point(frame: &RawFrame, group: usize, samples: &[usize], limit: f64) -> Optio
     Some(Point { group, exposure: frame.exposure, count, error })
 }
 
-/// Fits one line per group with a common intercept. Returns the intercept, its standard error, and the largest departure of a point from
-/// its line.
+/// Fits one line per group with a common intercept. Returns the intercept, its standard error, and the largest departure from the lines.
 fn line(points: &[Point], range: f64) -> Result<(f64, f64, f64)> {
     let mut normal = Normal::new(1 + GROUPS);
     let mut seen = [0; GROUPS];
@@ -112,8 +111,7 @@ fn line(points: &[Point], range: f64) -> Result<(f64, f64, f64)> {
     Ok((found.values[0], found.error(0), largest / range))
 }
 
-/// Finds the exponent `a` for which `count − floor ∝ (light · exposure)^a` fits best. This first estimate of the response determines the
-/// weights.
+/// Finds the exponent `a` for which `count − floor ∝ (light · exposure)^a` fits best. This first estimate gives the weights.
 fn exponent(points: &[Point], floor: f64, range: f64) -> f64 {
     let (mut products, mut squares) = (0.0, 0.0);
     for group in 0..GROUPS {

@@ -197,9 +197,8 @@ impl CameraModel {
     }
 }
 
-// The latency of the projector is the time from the confirmation of a frame until all of its light is there and the previous frame's light
-// is gone. White is shown after black and photographed after waits of different lengths. While the exposure still includes black, the photo
-// has less light.
+// The latency of the projector is the time from the confirmation of a frame until only this frame's light, and all of it, is there. White
+// is shown after black and photographed after different waits. While the exposure still includes black, the photo has less light.
 
 /// The shortest wait above zero that is tried, in seconds.
 const SHORTEST: f64 = 1e-3;
@@ -333,8 +332,7 @@ mod tests {
         assert!(latency.settle.value >= CAREFUL, "{:?}", latency.settle);
     }
 
-    /// White photos of 1 ± 0.005 have a standard deviation of 0.0058. A difference of up to five standard deviations (2.9 %) does not show
-    /// that light is missing.
+    /// White photos of 1 ± 0.005 have a standard deviation σ of 0.0058. A difference of up to 5 σ, or 2.9 %, may be noise.
     #[test]
     fn light_is_missing_where_it_differs_by_more_than_repeated_whites_do() {
         let flickering = |after: f64| {

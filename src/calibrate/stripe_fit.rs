@@ -159,8 +159,8 @@ fn limit(equations: &[EdgePixel]) -> f64 {
 }
 
 /// The standard error of the map, in projector pixels: the root mean square over the camera pixels. Interreflections mislead all camera
-/// pixels along an edge in the same way. Residuals are therefore summed per projector row and column before they are squared
-/// (cluster-robust covariance).
+/// pixels along an edge alike. Residuals are therefore summed per projector row and column before they are squared (cluster-robust
+/// covariance).
 fn field_error(map: &LensMap, equations: &[EdgePixel], pixels: &[usize]) -> Result<f64> {
     let limit = limit(equations);
     let inverse = normal_equations(equations).solve()?.covariance;

@@ -24,9 +24,9 @@ pub struct StructuredLight<'a> {
 }
 
 impl<'a> StructuredLight<'a> {
-    /// Takes photos from `frames` with the given exposure in seconds. If no exposure is given, it is chosen so that white fills the
-    /// camera's range. When the camera's response is not `known`, black level and noise are measured from a few photos, and the response is
-    /// assumed to be linear.
+    /// Takes photos from `frames` with the given exposure in seconds, or else with the exposure at which white fills the camera's range.
+    /// When the camera's response is not `known`, black level and noise are measured from a few photos, and the response is assumed to be
+    /// linear.
     ///
     /// # Errors
     /// [`crate::Error::Rig`] when the rig fails or does not see white; [`crate::Error::Saturated`] when white always saturates the camera.
@@ -62,8 +62,7 @@ impl<'a> StructuredLight<'a> {
         Ok(Self { session, model })
     }
 
-    /// Finds the exposure in seconds at which white fills about 70 % of the camera's range. Also says whether the camera has such an
-    /// exposure.
+    /// Finds the exposure in seconds at which white fills about 70 % of the camera's range, and whether the camera has such an exposure.
     pub fn white_exposure(frames: &mut dyn FrameSource) -> Result<(f64, WhiteExposure)> {
         let mut session = CalibrationSession::new(frames);
         let white = session.filled(session.top());
@@ -129,8 +128,7 @@ const DECIDED: f64 = 0.25;
 /// A bit is decided only when the difference is at least this many standard deviations of its noise.
 pub(crate) const SIGMAS: f64 = 5.0;
 
-/// A camera pixel is lit when it has at least this fraction of the median light. The median is over all pixels whose light exceeds the
-/// noise.
+/// A lit camera pixel has at least this fraction of the median light, which is taken over all pixels whose light exceeds the noise.
 const LIT: f64 = 0.02;
 
 /// A decoded camera pixel and the projector coordinates that it sees.
@@ -150,8 +148,8 @@ pub struct DecodedPixel {
 pub struct Decoded {
     /// The camera pixels that were decoded.
     pub seen: Vec<DecodedPixel>,
-    /// The camera pixels that see the edge between two steps of the code, so that one bit is undecided. Their `fine` coordinates are as
-    /// precise as those of `seen`.
+    /// The camera pixels at the edge between two steps of the code, so that one bit is undecided. Their `fine` coordinates are equally
+    /// precise.
     pub between: Vec<DecodedPixel>,
     /// For each camera pixel, whether the projector lights it.
     pub lit: Vec<bool>,

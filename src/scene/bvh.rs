@@ -1,5 +1,4 @@
-//! The acceleration structure for rays: a compressed eight-wide bounding volume hierarchy (CWBVH). Also computes first hits of rays on the
-//! CPU.
+//! The acceleration structure for rays: a compressed eight-wide bounding volume hierarchy (CWBVH), and first hits of rays on the CPU.
 
 use std::collections::HashSet;
 

@@ -135,8 +135,7 @@ impl Camera {
         text
     }
 
-    /// Whether `other` has the same pose, field of view and lens, up to rounding. `distance` is the approximate distance to the visible
-    /// surfaces, in metres.
+    /// Whether `other` has the same pose, field of view and lens, up to rounding. `distance` is the distance of visible surfaces in metres.
     pub fn coincides(&self, other: &Self, distance: f32) -> bool {
         let close = |a: Vec3, b: Vec3, unit: f32| a.distance(b) <= 1e-6 * (unit + a.length());
         close(self.position, other.position, distance)

@@ -3,8 +3,7 @@
 
 use glam::{Affine2, Vec3};
 
-/// A reciprocal surface material. Colours are linear, with sRGB primaries. Each factor is multiplied by the texture channels that glTF
-/// assigns to it.
+/// A reciprocal surface material. Colours are linear, with sRGB primaries. A texture's channels multiply the factors as glTF defines.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Material {
     /// The name in the file, or `material N`.

@@ -34,8 +34,7 @@ pub struct LoadOptions<'a> {
     pub camera: Option<&'a str>,
     /// The path of a camera file. Its poses replace the scene's poses (see [`load_with`]).
     pub camera_file: Option<&'a Path>,
-    /// If the scene has no camera, places one ([`Camera::in_front_of`]). If the scene has several perspective cameras, takes the first and
-    /// warns.
+    /// If the scene has no camera, places one ([`Camera::in_front_of`]). If it has several perspective cameras, takes the first and warns.
     pub auto_camera: bool,
     /// Whether missing or unreadable material libraries, pictures and texture coordinates are errors. Otherwise a warning names them, and
     /// their surfaces are matte or have the material's colour.
@@ -121,8 +120,7 @@ const RHYTHM: usize = 1 << 16;
 pub struct Watcher<'a>(Option<&'a dyn Fn(f32) -> ControlFlow<()>>);
 
 impl<'a> Watcher<'a> {
-    /// Makes a watcher that regularly calls `told` with the completed fraction of the work. [`ControlFlow::Break`] ends loading with
-    /// [`Error::Interrupted`].
+    /// Makes a watcher. It regularly calls `told` with the completed fraction; [`ControlFlow::Break`] causes [`Error::Interrupted`].
     pub fn new(told: &'a dyn Fn(f32) -> ControlFlow<()>) -> Self {
         Self(Some(told))
     }

@@ -15,12 +15,11 @@ use crate::error::{Error, Result};
 /// coordinates exactly.
 const FAR: f64 = 8.0;
 
-/// The resolution of a file's numbers, relative to the distance from the camera, from which the numbers are coarse. This is several times
-/// the tracer's offsets.
+/// Numbers of a file are coarse if their resolution, relative to the distance from the camera, exceeds this: several times the tracer's
+/// offsets.
 const COARSE: f64 = 1.0 / 16384.0;
 
-/// The smallest distance between camera and surfaces, in metres. At distances a few powers of two smaller, radiance overflows single
-/// precision.
+/// The smallest distance between camera and surfaces, in metres. At slightly smaller powers of two, radiance overflows single precision.
 const NEAREST: f64 = 1e-12;
 
 /// A histogram of distances, as the sum of weights for each power of two.
@@ -115,8 +114,8 @@ impl Place {
     }
 
     /// A warning if the file's numbers are too coarse. Three conditions must hold: more than an eighth of the numbers have a coarse step,
-    /// all coarse numbers are single precision, and more than an eighth of the coarse numbers are odd multiples of their step, as is
-    /// typical of rounding.
+    /// all coarse numbers are single precision, and more than an eighth of the coarse numbers are odd multiples of their step (rounded
+    /// numbers).
     pub(super) fn warning(&self) -> Option<String> {
         let [all, coarse, single, odd] = self.numbers;
         (8 * coarse > all && single == coarse && 8 * odd > coarse).then(|| {

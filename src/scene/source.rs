@@ -1,5 +1,4 @@
-//! The part that all scene loaders share: errors and warnings about a file, files next to the scene, the content hash, and picture
-//! decoding.
+//! The part that all scene loaders share: errors and warnings, files next to the scene, the content hash, and picture decoding.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -67,8 +66,7 @@ impl SceneFile {
         Ok(())
     }
 
-    /// Reads a file that the scene refers to, and adds it to the hash. `path` is already resolved. `what` names the object that refers to
-    /// the file, such as `buffer 0`.
+    /// Reads a file that the scene refers to, and adds it to the hash. `path` is resolved. `what` names the referring object (`buffer 0`).
     pub(super) fn read_other(&mut self, what: &str, path: &Path) -> Result<Vec<u8>> {
         let scene = self.path.display();
         if is_missing(path) {
@@ -200,8 +198,7 @@ impl ContentHash {
 /// The largest width and height of a picture in pixels.
 const MAX_SIDE: u32 = 16384;
 
-/// The largest number of texels of all pictures together. The limit is needed because a few kilobytes of PNG can encode any number of
-/// pixels.
+/// The largest number of texels of all pictures together, because a few kilobytes of PNG can encode any number of pixels.
 const MAX_TEXELS: u64 = 1 << 27;
 
 /// The largest size of a decoded picture in bytes. PNG's largest pixel format, 16-bit RGBA, has 8 bytes.
@@ -226,8 +223,7 @@ pub(super) struct Fault {
 const CONVERT: &str =
     "convert it (magick PICTURE picture.png) and name that, or export the scene with PNG or JPEG pictures";
 
-/// Picture formats that occur in scenes but are not read: the offset of a file's magic number, the magic number, the format's name, and
-/// advice.
+/// Picture formats that occur in scenes but are not read: the offset of the magic number, the magic number, the name, and advice.
 const UNREAD: [(usize, &[u8], &str, &str); 5] = [
     (
         0,

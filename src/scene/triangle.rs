@@ -29,8 +29,7 @@ pub(super) const MAX_TRIANGLES: usize = 1 << 24;
 /// The largest absolute value of a coordinate, in metres. For larger values, the square of an area overflows single precision.
 pub(super) const MAX_COORDINATE: f32 = 1e9;
 
-/// The smallest ratio of a triangle's height to its longest edge. Below this ratio, the triangle's area is lost in the rounding of single
-/// precision.
+/// The smallest ratio of a triangle's height to its longest edge. Below it, the area is lost in the rounding of single precision.
 const MIN_HEIGHT_TO_EDGE: f64 = 1e-7;
 
 impl Triangle {
@@ -62,8 +61,7 @@ impl Triangle {
         self
     }
 
-    /// Flips shading normals that point to the back of the triangle. Some exporters flip the corners without the normals, or the normals
-    /// without the corners.
+    /// Flips shading normals that point to the triangle's back. Some exporters flip only the corners, or only the normals.
     pub(super) fn with_normals_in_front(mut self) -> Self {
         let [a, b, c] = self.positions;
         let sum: Vec3 = self.normals.iter().sum();
@@ -82,9 +80,9 @@ impl Triangle {
     }
 }
 
-/// Drops every triangle that equals an earlier triangle in all of its data. Exporters write such triangles for an object that was
-/// duplicated in place. A ray would have to test each copy, and software Vulkan silently ends an invocation after 65,535 tests. Returns the
-/// number of dropped triangles.
+/// Drops every triangle that equals an earlier triangle. Exporters write such triangles for an object that was duplicated in place. A ray
+/// would have to test each copy, and software Vulkan silently ends an invocation after 65,535 tests. Returns the number of dropped
+/// triangles.
 pub(super) fn drop_repeated(triangles: &mut Vec<Triangle>) -> usize {
     // Only triangles with the same 64-bit hash of the corners are compared. The list of hashes needs a tenth of the triangles' memory. A
     // hash table of triangles would need as much memory as the triangles.

@@ -98,8 +98,7 @@ fn far_away(mut distances: Vec<f32>) -> Option<String> {
     })
 }
 
-/// The explanation when none of `rays` rays meets a surface. If a corner of a triangle is in view, the surface is merely too small for the
-/// rays.
+/// The explanation when none of `rays` rays meets a surface. If a corner is in view, the surface is only too small for the rays.
 fn nothing_in_view(scene: &Scene, resolution: Resolution, rays: usize) -> Option<String> {
     let camera = &scene.camera;
     let corners = || scene.triangles.iter().flat_map(|triangle| triangle.positions);

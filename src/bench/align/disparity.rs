@@ -6,15 +6,13 @@ use crate::calibrate::{Decoded, Fit};
 use crate::image::percentile;
 use crate::measure::{LensMap, Match};
 
-/// The side of a cell in projector pixels. A cell is small enough to have one depth, and large enough to average out the rounding of the
-/// codes.
+/// The side of a cell in projector pixels: small enough for a single depth, and large enough to average out the rounding of the codes.
 const SIDE: f64 = 4.0;
 
 /// A cell is used if at least this fraction of its pixels is decoded.
 const FILLED: f64 = 0.25;
 
-/// Codes farther than this many steps from their cell's median are misread or belong to another depth. Rounding alone causes smaller
-/// deviations.
+/// Codes farther than this many steps from their cell's median are misread or belong to another depth. Rounding moves codes less.
 const APART: f64 = 0.75;
 
 /// The smallest assumed scatter within a cell, in projector pixels.
@@ -49,8 +47,7 @@ struct Patch {
     at: [f64; 2],
     /// The projector position that the map predicts for the cell's centre.
     expected: [f64; 2],
-    /// The mean displacement of the cell's codes from the predicted position. `scatter` is the standard deviation of the codes along an
-    /// axis.
+    /// The mean displacement of the cell's codes from `expected`. `scatter` is the standard deviation of the codes along an axis.
     off: [f64; 2],
     scatter: f64,
 }
@@ -129,8 +126,7 @@ fn refine(patches: &mut [Patch], map: &LensMap, spread: f64) -> Option<f64> {
     Some(refitted.error)
 }
 
-/// The matrix that converts a displacement from the projector's axes to the photo's axes, and the number of projector pixels per camera
-/// pixel.
+/// The matrix that converts displacements from the projector's to the photo's axes, and the number of projector pixels per camera pixel.
 fn photo_axes(map: &LensMap, [x, y]: [f64; 2]) -> ([[f64; 2]; 2], f64) {
     let [west, east] = [-0.5, 0.5].map(|by| map.to_projector([x + by, y]));
     let [north, south] = [-0.5, 0.5].map(|by| map.to_projector([x, y + by]));
@@ -210,8 +206,7 @@ pub(crate) fn stand(disparity: &Disparity) -> Option<CameraOffset> {
     })
 }
 
-/// The displacement at which the cumulative sum of the sorted displacements reaches half. Cells at the border of an object have little
-/// weight.
+/// The displacement at which the cumulative sum of the sorted displacements reaches half. Cells at an object's border have little weight.
 fn middle(mut displacements: Vec<f64>) -> f64 {
     displacements.sort_by(f64::total_cmp);
     let half = 0.5 * displacements.iter().sum::<f64>();
@@ -247,8 +242,7 @@ impl CameraOffset {
         ways.into_iter().flatten().collect::<Vec<_>>().join(" and ")
     }
 
-    /// Whether the camera is to the right of the projector, and whether it is below. `None` for a component that is too small to be
-    /// mentioned.
+    /// Whether the camera is to the right of the projector, and whether it is below. `None` for a component too small to be mentioned.
     fn parts(&self) -> [Option<bool>; 2] {
         let [x, y] = self.toward;
         [(x.abs() > ASIDE * y.abs()).then_some(x > 0.0), (y.abs() > ASIDE * x.abs()).then_some(y > 0.0)]

@@ -17,13 +17,11 @@ fn of_length(numerator: f64, seen: &Plane) -> Ratio {
     )
 }
 
-/// The relative deviation without the expected noise, `√(Σ r² − Σ var) / ‖reference‖`, and its standard error. `r` is the residual, and
-/// `var` its variance.
+/// The relative deviation without the expected noise, `√(Σ r² − Σ var) / ‖reference‖`, and its standard error. `r` are the residuals.
 fn deviation(residual: &[f64], variance: &[f64], reference: &Plane) -> (Ratio, f64) {
     let squares: f64 = residual.iter().map(|value| value * value).sum();
     let noise: f64 = variance.iter().sum();
-    // The sum of squares of noisy values has a standard error of √(2 Σ var²). The error of its square root is half of that, divided by the
-    // root.
+    // The sum of squares of noisy values has a standard error of √(2 Σ var²). Its square root has half of this error, divided by the root.
     let spread = (2.0 * variance.iter().map(|variance| variance * variance).sum::<f64>()).sqrt();
     let excess = (squares - noise).max(0.0);
     let error = spread / (2.0 * excess.max(spread).max(f64::MIN_POSITIVE).sqrt());

@@ -66,8 +66,7 @@ pub struct AuditReport {
     pub additivity: Vec<f64>,
     /// Number of patterns photographed.
     pub photos: usize,
-    /// Findings about automatic behaviour of a rig's devices, such as an iris. They may explain why a check failed, but do not fail the
-    /// audit.
+    /// Findings about automatic behaviour of a rig's devices, such as an iris. They may explain a failed check, but do not fail the audit.
     pub devices: Vec<Finding>,
 }
 
@@ -232,8 +231,7 @@ pub trait Audited {
     /// The photo of a pattern of values in \[0, 1\].
     fn photograph(&mut self, pattern: &[f64]) -> Result<Plane>;
 
-    /// A finding named `light` that says whether white gives enough light for the audit. This method is called after the white photo was
-    /// taken.
+    /// A finding named `light` that says whether white gives enough light for the audit. It is called after the white photo was taken.
     fn sight(&mut self) -> Result<Finding>;
 
     /// Marks the pixels that the camera sees. No other pixel is ever lit.

@@ -41,8 +41,7 @@ const LEAST_SPREAD: f64 = 0.05;
 /// The approximate time that an iris needs to adapt to a frame, in seconds.
 const IRIS_SECONDS: f64 = 1.5;
 
-/// Photographs white, its four quadrants, white again, and two levels near black and white: eight frames. `settle` is the usual wait, in
-/// seconds.
+/// Photographs white, its four quadrants, white again, and two levels near black and white: eight frames. `settle` is the usual wait.
 pub(crate) fn brightness(probe: &mut Probe<'_>, settle: f64, recorder: &mut Recorder<'_, '_>) -> Result<()> {
     probe.session.set_settle(settle.max(IRIS_SECONDS));
     let photos = quadrants(probe);
@@ -84,8 +83,7 @@ fn iris(probe: &Probe<'_>, [before, after]: [f64; 2], quadrants: &[Vec<f64>]) ->
         return Finding::unmeasured("iris", "white has no more light than black");
     };
     let bound = if probe.is_known { IRIS } else { IRIS_UNCALIBRATED };
-    // Pulses and flicker change each photo by the scatter. They change the sum of four photos, each with a quarter of the light, by half of
-    // it.
+    // Pulses and flicker change each photo by the scatter, and the sum of four photos with a quarter of the light each by half of it.
     let scatter = (0.5 * probe.scatter).max(change.abs());
     let is_off = off.abs() - 1.5 * scatter > bound;
     let found = match (is_off, off < 0.0) {
@@ -154,8 +152,7 @@ fn stray(probe: &Probe<'_>, quadrants: &[Vec<f64>]) -> Finding {
     .measured(share, probe.scatter / SIGMAS, STRAY)
 }
 
-/// The slope of a line through points, and its standard error. `None` for fewer than nine points, or if their first coordinates are nearly
-/// equal.
+/// The slope of a line through points, and its standard error. `None` for fewer than nine points or nearly equal first coordinates.
 fn slope(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     let count = points.len() as f64;
     let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / count;
@@ -442,8 +439,7 @@ mod tests {
         }
     }
 
-    /// The findings for a gray camera without a calibration. Above the level `above`, the white segment adds the fraction `segment` of
-    /// gray.
+    /// The findings for a gray camera without a calibration. Above level `above`, the white segment adds the fraction `segment` of gray.
     fn found(segment: f64, above: f64) -> Vec<Finding> {
         let photo = move |request: &CaptureRequest, _| {
             let light = |levels: &[u16]| {
@@ -474,8 +470,7 @@ mod tests {
             (0.06, 0.0, Grade::Ok, "within 5.66 %"),
             // 1/1.1 − 1 at every level.
             (0.1, 0.0, Grade::Warning, "by -9.1 % at the highest level and by -9.1 % at half of it"),
-            // At the highest level, four tenths of the segment add light, which gives 1/1.2 − 1. At half of this level, the segment adds no
-            // light.
+            // At the highest level, four tenths of the segment add light, which gives 1/1.2 − 1. At half of this level, it adds no light.
             (
                 0.5,
                 0.6,

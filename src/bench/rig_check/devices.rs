@@ -24,8 +24,8 @@ const MIN_PHOTOS: u64 = 200;
 /// The check warns when the error of the pixel map exceeds this, in projector pixels. The calibration promises this accuracy.
 const MAP_OFFSET_WARNING: f64 = 0.1;
 
-/// The check fails when the error of the pixel map exceeds this, in projector pixels. A third of the direct light is then assigned to a
-/// neighbouring pixel.
+/// The check fails when the error of the pixel map exceeds this, in projector pixels. A neighbouring pixel then gets a third of the direct
+/// light.
 const MAP_OFFSET_FAILURE: f64 = 0.3;
 
 /// The check fails when a random pattern and its photo have a correlation below this.
@@ -280,8 +280,7 @@ fn age(folder: &Path) -> String {
     }
 }
 
-/// Photographs random squares to measure the error of the pixel map. Without a calibration, both rasters are assumed to cover the same
-/// field, as in a run.
+/// Photographs random squares to measure the error of the pixel map. Without a calibration, both rasters are assumed to cover one field.
 pub(crate) fn pixel_map(
     known: Option<&Calibration>,
     frames: &mut dyn FrameSource,
@@ -327,8 +326,7 @@ pub(crate) fn pixel_map(
     recorder.add(finding)
 }
 
-/// The grade of an offset with this standard error, both in projector pixels. If an offset is too uncertain to be judged, the grade is a
-/// warning.
+/// The grade of an offset with this standard error, both in projector pixels. An offset that is too uncertain to be judged is a warning.
 fn offset_grade(offset: f64, error: f64) -> Grade {
     match offset - SIGMAS * error {
         surely if surely > MAP_OFFSET_FAILURE => Grade::Fails,

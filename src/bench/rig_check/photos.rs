@@ -23,8 +23,7 @@ const SATURATED_WARNING: f64 = 0.01;
 /// The check fails when more than this fraction of white's samples is saturated.
 const SATURATED_FAILURE: f64 = 0.1;
 
-/// The check warns when the light without a pattern exceeds this fraction of white's light. So much light adds a tenth to the noise of
-/// white.
+/// The check warns when light without a pattern exceeds this fraction of white's light. It then adds a tenth to the noise of white.
 const AMBIENT: f64 = 0.2;
 
 /// The check warns when drift and flicker change white by more than this fraction between photos. `krylux audit` has the same bound.
@@ -246,8 +245,7 @@ fn above_black(photos: &Photos) -> Vec<[f64; 2]> {
     (0..photos.black.counts.len()).map(sample).collect()
 }
 
-/// Judges the fraction of the camera's range that white fills. `reached` is white's 98th percentile above black, as a fraction of the
-/// range.
+/// Judges how much of the camera's range white fills. `reached` is white's 98th percentile above black, as a fraction of the range.
 fn range(reached: f64, exposure: &Exposure) -> Finding {
     let found =
         format!("white reaches {:.0} % of the range in {} s", 100.0 * reached, decimal(exposure.seconds, 4));
@@ -406,8 +404,7 @@ mod tests {
         assert_eq!(graded(WhiteExposure::TooBright, 1.0), Grade::Fails);
     }
 
-    /// Photos of a hundred pixels have 5 counts without light, 30 for black, and 155 for white. In white, `saturated` pixels have 255
-    /// counts.
+    /// Photos of a hundred pixels have 5 counts without light, 30 for black, and 155 for white. In white, `saturated` pixels have 255.
     #[test]
     fn range_saturation_and_ambient_light_are_those_of_the_counts() {
         for (saturated, in_range, grade) in

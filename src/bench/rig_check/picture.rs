@@ -13,12 +13,12 @@ use crate::measure::sight;
 /// The check warns when the frame's border has less than this fraction of the expected light.
 const BORDER: f64 = 0.5;
 
-/// The check warns when stripes are blurred by more projector pixels than this. Camera pixels as large as the projector's pixels cause a
-/// blur of up to 0.35.
+/// The check warns when stripes are blurred by more projector pixels than this. Camera pixels as large as the projector's blur by up to
+/// 0.35.
 const BLUR: f64 = 0.6;
 
-/// The check warns when a second image has more than this fraction of the first image's light. A mirror ball and the noise of an 8-bit
-/// camera have caused 1.2 %.
+/// The check warns when a second image has more than this fraction of the first image's light. A mirror ball and noise of an 8-bit camera
+/// have caused 1.2 %.
 const GHOST: f64 = 0.02;
 
 /// The least number of pixels along an axis that the checks of sharpness and ghost need.
@@ -133,8 +133,7 @@ const DOTS: [usize; 2] = [16, 2];
 /// farther one not from the second image of the next dot.
 const RANGE: [f64; 2] = [3.5, 7.5];
 
-/// A second image is a ghost if it is this many times as strong as any other second image. Mirrors in the scene cause several second
-/// images.
+/// A second image is a ghost if it is this many times as strong as any other one. Mirrors in the scene cause several second images.
 const STANDS_OUT: f64 = 2.5;
 
 /// The largest relative strength of a second image. A stronger image is another dot, which is nearer than expected if the camera sees more
@@ -299,8 +298,7 @@ mod tests {
             };
             let finding = found([projector, camera], scene, border);
             assert!(finding.grade == Grade::Ok && finding.found.contains("row and column at"), "{finding}");
-            // The border covers some camera pixels in part. The scene is assumed to be even within these pixels, although it changes by up
-            // to 5 %.
+            // The border covers some camera pixels in part. The scene is assumed to be even within them, although it changes by up to 5 %.
             assert!((numbers(&finding)[0] - 100.0).abs() <= 1.0, "{finding}");
         }
     }

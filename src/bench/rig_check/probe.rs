@@ -67,8 +67,7 @@ impl<'a> Probe<'a> {
         self.session.projector().resolution
     }
 
-    /// Photographs a frame that is white at each pixel (column, row) for which `is_lit` is true, and black elsewhere. Returns the light
-    /// above black.
+    /// Photographs a frame that is white at the pixels (column, row) for which `is_lit` is true. Returns the light above black.
     pub(crate) fn pattern(&mut self, is_lit: impl Fn(usize, usize) -> bool) -> Result<Vec<f64>> {
         self.above_black(self.session.drawn(is_lit)?)
     }
@@ -121,7 +120,7 @@ pub(crate) fn average(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// The means over squares of `side` pixels, and the resolution of the result. Pixels at the right and at the bottom that fill no square are
+/// The means over squares of `side` pixels, and the resolution of the result. Incomplete squares at the right and at the bottom are
 /// dropped.
 pub(crate) fn binned(light: &[f64], size: Resolution, side: usize) -> (Vec<f64>, Resolution) {
     let small = Resolution::new(size.width / side, size.height / side);

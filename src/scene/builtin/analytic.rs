@@ -21,8 +21,7 @@ pub fn plane(distance: f32, albedo: f32) -> Scene {
 }
 
 /// Two square matte plates that face each other, left and right of the optical axis. Their sides are `side` metres long, and they are
-/// `separation` metres apart. The camera sees the inner faces of both plates. The near edges of the plates are `separation` metres in front
-/// of the camera.
+/// `separation` metres apart. The camera sees the inner faces of both. The near edges are `separation` metres in front of the camera.
 ///
 /// With `x = side/separation`, the form factor from one plate to the other is
 /// `2/(π x²)·(ln√((1+x²)²/(1+2x²)) + 2x√(1+x²)·atan(x/√(1+x²)) − 2x·atan x)`.
@@ -61,9 +60,9 @@ const BUMP: f64 = 0.01;
 /// Number of bumps along a wall.
 const BUMPS: f64 = 6.0;
 
-/// A white box of 1 m that is open towards the camera, 1.3 m in front of the opening. Its five walls are slightly bumpy, and each wall is
-/// tessellated by the same grid of `n × n` cells. The box has `10·n²` triangles, where `n` is `√(target_triangles / 10)` rounded, but at
-/// least 1. Each wall is a region.
+/// A white box of 1 m that is open towards the camera, 1.3 m in front of the opening. Its five walls are slightly bumpy, and each has a
+/// grid of `n × n` cells. The box has `10·n²` triangles, where `n` is `√(target_triangles / 10)` rounded, but at least 1. Each wall is a
+/// region.
 pub fn tessellated_box(target_triangles: usize) -> Scene {
     let cells = ((target_triangles as f64 / 10.0).sqrt().round() as usize).max(1);
     // Each wall has an origin, the direction of its columns and that of its rows. The cross product of these directions points inwards.
@@ -119,8 +118,8 @@ pub fn folded_sheet() -> Model {
 }
 
 /// An icosahedron whose triangles are each split into four, `subdivisions` times (at most 8 times). Returns the vertices, on the unit
-/// sphere, and the triangles, counter-clockwise as seen from inside. The result is the same on every machine, because the only function
-/// used is the square root.
+/// sphere, and the triangles, counter-clockwise as seen from inside. The result is the same on every machine: no function but the square
+/// root is used.
 pub(super) fn icosphere(subdivisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let (mut vertices, mut triangles) = icosahedron();
     for _ in 0..subdivisions.min(8) {

@@ -23,8 +23,7 @@ pub struct Model {
 pub struct Part {
     /// The part's name. It is also the name of its region, unless the parts have labels.
     pub name: String,
-    /// The label of the part's region. Labels are numbered from 0 without gaps. Either all parts of a model have a label, or no part has
-    /// one.
+    /// The label of the part's region. Labels are numbered from 0 without gaps. Either all parts of a model have a label, or none has.
     pub label: Option<u32>,
     /// Vertices in metres.
     pub positions: Vec<Vec3>,
@@ -66,8 +65,7 @@ impl Part {
 }
 
 impl Model {
-    /// Makes a model with a square camera at `(0, 0, z)` that looks along −Z with +Y up. `tan_half_fov` is the tangent of half the field of
-    /// view.
+    /// A model with a square camera at `(0, 0, z)` that looks along −Z with +Y up. `tan_half_fov` is the tangent of half the field of view.
     pub(super) fn along_z(
         name: &'static str,
         parts: Vec<Part>,
@@ -78,8 +76,7 @@ impl Model {
         Self { name, parts, materials, camera }
     }
 
-    /// Converts the model to a scene in memory. For a shipped model, this scene equals the scene loaded from the file, except for path and
-    /// hash.
+    /// Converts the model to a scene in memory. For a shipped model, it equals the scene loaded from the file, except for path and hash.
     pub fn to_scene(&self) -> Scene {
         let labelled = self.parts.iter().any(|part| part.label.is_some());
         let regions = if labelled {
@@ -274,8 +271,7 @@ fn material(material: &Material) -> Value {
 }
 
 fn camera(camera: &Camera) -> Value {
-    // The format requires a near plane. The field of view is rounded to single precision, so that its last digit is the same on every
-    // machine.
+    // The format requires a near plane. The field of view is rounded, so that its last digit is the same on every machine.
     let field = (2.0 * f64::from(camera.tan_half_fov).atan()) as f32;
     let mut perspective = json!({ "yfov": field, "znear": 0.001 });
     if let Some(aspect) = camera.aspect {

@@ -83,8 +83,7 @@ fn is_fallback(buffer: &json::Buffer) -> bool {
     MESHOPT.iter().any(is_fallback)
 }
 
-/// For each buffer, whether it has views and all of these are compressed. Such a buffer is not read, even if it is not marked as a
-/// fallback.
+/// For each buffer, whether it has views and all of these are compressed. Such a buffer is not read, even if not marked as a fallback.
 fn unread(root: &json::Root) -> Vec<bool> {
     let mut views = vec![[0_usize; 2]; root.buffers.len()];
     for view in &root.buffer_views {

@@ -13,8 +13,7 @@ use crate::scene::camera_file::Cameras;
 use crate::scene::triangle::MAX_COORDINATE;
 use crate::scene::{Camera, LoadOptions};
 
-/// The largest cosine of the angle between axes that count as perpendicular. It is well above the rounding of exporters, and well below a
-/// visible shear.
+/// The largest cosine between axes that count as perpendicular: well above the rounding of exporters, and well below a visible shear.
 const MAX_SHEAR: f64 = 1e-4;
 
 struct Candidate<'a> {

@@ -16,8 +16,7 @@ use super::{Document, buffers, object_name};
 use crate::error::Result;
 use crate::scene::triangle::MAX_TRIANGLES;
 
-/// The largest total size of a file's decompressed views, in bytes. The limit is needed because a few kilobytes can encode any number of
-/// equal vertices.
+/// The largest total size of a file's decompressed views, in bytes. A few kilobytes can encode any number of equal vertices.
 const MAX_BYTES: usize = 1 << 30;
 
 #[derive(Deserialize)]

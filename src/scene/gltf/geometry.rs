@@ -28,8 +28,7 @@ pub(super) struct Surface {
     pub triangles: Vec<Triangle>,
 }
 
-/// Assembles all surfaces of the scene, in the order of the nodes. If the scene is moved, the surfaces are assembled again around the new
-/// origin.
+/// Assembles all surfaces of the scene, in the order of the nodes. If the scene is moved, they are assembled again at the new origin.
 pub(super) fn assemble(
     document: &mut Document,
     placed: &[Placed],

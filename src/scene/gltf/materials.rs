@@ -20,14 +20,12 @@ pub(super) struct Materials {
     pub textures: Textures,
     /// The index into the list for each material of the file. The key `None` stands for glTF's default material.
     index_of: HashMap<Option<usize>, usize>,
-    /// Copies of materials without the textures for which a primitive lacks coordinates. The key is the material and which coordinate sets
-    /// the primitive has.
+    /// Copies of materials without some textures, for primitives that lack coordinates. The key has the material and the available sets.
     bare: HashMap<(u32, [bool; 2]), u32>,
 }
 
 impl Materials {
-    /// The index in the scene of the file's material `index`, or of glTF's default material for `None`. `what` names the primitive that
-    /// uses the material.
+    /// The scene's index of the file's material `index`, or of glTF's default material for `None`. `what` names the primitive in messages.
     pub(super) fn index_of(
         &mut self,
         document: &mut Document,

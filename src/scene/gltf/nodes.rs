@@ -12,8 +12,8 @@ use super::{Document, extensions, geometry, object_name, pose};
 use crate::error::Result;
 use crate::scene::Triangle;
 
-/// The translation of each node relative to its parent, in double precision, because the crate `gltf` reads single precision. Empty if the
-/// text is unreadable.
+/// The translation of each node relative to its parent in double precision (the crate `gltf` reads single). Empty if the text is
+/// unreadable.
 pub(super) fn translations(text: &[u8]) -> Vec<Option<DVec3>> {
     #[derive(Deserialize)]
     struct File {
@@ -35,8 +35,7 @@ pub(super) fn translations(text: &[u8]) -> Vec<Option<DVec3>> {
 
 pub(super) struct Placed {
     pub node: usize,
-    /// The transform from the node's frame to world space. It has double precision, because chains of transforms accumulate rounding
-    /// errors.
+    /// The transform from the node's frame to world space, in double precision because chains of transforms accumulate rounding errors.
     pub transform: DAffine3,
     /// The label of the node, or else of its nearest ancestor with a label.
     pub label: Option<Label>,
@@ -69,8 +68,7 @@ pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
     Ok(placed)
 }
 
-/// The root nodes of the file's default scene, or else of its first scene. A file without scenes is a library, and all of its nodes are
-/// shown.
+/// The root nodes of the file's default scene, or else of its first scene. All nodes are shown in a file without scenes (a library).
 fn roots(document: &mut Document, parents: &[Option<usize>]) -> Result<Vec<usize>> {
     let index = document.root.scene.map_or(0, |scene| scene.value());
     let count = document.root.scenes.len();

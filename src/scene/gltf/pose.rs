@@ -87,8 +87,7 @@ struct Attributes {
     scale: Option<json::Index<json::Accessor>>,
 }
 
-/// The transforms from the frame of each instance to the frame of `node`. `None` if the node does not use the extension. `what` names the
-/// node.
+/// The transforms from each instance's frame to the frame of `node`. `None` if the node is not instanced. `what` names the node.
 pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> Result<Option<Vec<DAffine3>>> {
     let extensions = node.extensions.as_ref().map(|extensions| &extensions.others);
     let Some(Instancing { attributes }) = document.extension(what, extensions, INSTANCING)? else {
@@ -202,8 +201,7 @@ impl Skins {
     }
 }
 
-/// The affine transform of a 4×4 matrix given by columns. `None` if the last row is not 0 0 0 1. The tolerance allows for exporters that
-/// round.
+/// The affine transform of a 4×4 matrix given by columns. `None` if the last row differs from 0 0 0 1 by more than exporters round.
 pub(super) fn affine(columns: [f32; 16]) -> Option<DAffine3> {
     let matrix = DMat4::from_cols_array(&columns.map(f64::from));
     let is_affine = matrix.row(3).abs_diff_eq(DVec4::W, 1e-6);

@@ -150,8 +150,7 @@ fn open_targets<'a>(
     Ok(targets)
 }
 
-/// Opens an optional array, and checks that it has at least `least` elements. `what` names the object that uses the array, and `name` the
-/// array.
+/// Opens an optional array, and checks that it has at least `least` elements. `what` names its user in messages, and `name` the array.
 pub(super) fn open<'a>(
     document: &'a Document,
     (what, name): (&str, &str),

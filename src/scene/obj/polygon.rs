@@ -108,8 +108,8 @@ impl Triangulator {
                 if left.is_power_of_two() {
                     reflex.retain(|&other| is_left[other]);
                 }
-                // The next corner is skipped, so that convex parts are not cut into slivers. If ears are rare, the search continues at the
-                // previous corner instead.
+                // The next corner is skipped, so that convex parts are not cut into slivers. If ears are rare, the search goes back
+                // instead.
                 at = if is_narrow { before } else { around[after][1] };
             } else {
                 (since, at) = (since + 1, after);
