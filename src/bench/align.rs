@@ -68,7 +68,7 @@ pub struct Alignment {
     pub camera: Resolution,
     /// Each camera pixel's light under white, in linear digital numbers (DN).
     pub white: Vec<f64>,
-    /// What each camera pixel sees.
+    /// The class of each camera pixel.
     pub sights: Vec<Sight>,
     /// The number of pixels in shadow divided by the number of pixels that see the scene.
     pub shadow: f64,
@@ -228,7 +228,7 @@ const SIGMAS: f64 = 5.0;
 /// The least light of a pixel that sees the scene, relative to the median direct light. Less light is negligible.
 const GLIMMER: f64 = 0.01;
 
-/// What a camera pixel can see.
+/// The class of a camera pixel, by the light that it sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sight {
     /// A surface that receives light straight from the projector.

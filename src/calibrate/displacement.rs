@@ -21,7 +21,7 @@ const COMMON: f64 = 0.5;
 /// deviation `σ` gives `4π σ²`.
 const CORRELATED: f64 = 4.0 * std::f64::consts::PI * BLUR * BLUR;
 
-/// The largest number of iterations. A few suffice, because the best whole-pixel shift is the start.
+/// The largest number of iterations. A few suffice, because the iteration starts from the best whole-pixel shift.
 const STEPS: usize = 12;
 
 /// The number of unknowns: two for offset and contrast of the photo, and six for `d` (two of the shift, four of rotation, scale and shear).
@@ -348,8 +348,7 @@ mod tests {
         let mean = off.iter().map(|off| off.0).sum::<f64>() / 40.0;
         let spread = (off.iter().map(|off| (off.0 - mean).powi(2)).sum::<f64>() / 39.0).sqrt();
         let stated = off.iter().map(|off| off.1).sum::<f64>() / 40.0;
-        // The stated error is for the corner, and includes the correlation of neighbours. It may exceed the scatter, by several times at
-        // most.
+        // The stated error is for the corner, and allows for correlation. It may be several times the scatter, but not smaller.
         assert!(stated > 0.8 * spread && stated < 20.0 * spread, "{stated} {spread}");
     }
 

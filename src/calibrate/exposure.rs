@@ -13,7 +13,7 @@ const FILL: f64 = 0.7;
 /// The quantile of the counts that stands for bright pixels. The pixels above it are regarded as highlights.
 const BRIGHT: f64 = 0.98;
 
-/// How well the camera's exposures suit a white frame.
+/// Whether the camera has an exposure that suits a white frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhiteExposure {
     /// White fills about 70 % of the camera's range, or as nearly as the camera's exposures allow.

@@ -70,7 +70,7 @@ pub(crate) fn ratio(
         let pairs = (0..TERMS * TERMS).map(|at| (at / TERMS, at % TERMS));
         pairs.map(|(i, j)| terms[i] * terms[j] * solution.covariance[i * TERMS + j]).sum::<f64>().sqrt()
     };
-    // The ratio is at least a twentieth: a device that is seen at all is at least this bright relative to its centre.
+    // A smaller ratio is implausible: each device is at least a twentieth as bright at all visible pixels as at its centre.
     let values: Vec<f64> = terms.iter().map(|terms| (1.0 + at(terms)).max(0.05)).collect();
     let [least, most] =
         [f64::min, f64::max].map(|choose| values.iter().copied().reduce(choose).unwrap_or(1.0));
@@ -80,7 +80,7 @@ pub(crate) fn ratio(
 
 /// Photos of the patterns, resampled to the projector's pixels.
 struct Photos {
-    /// The patterns `w`, which the camera's pixels have not spread yet.
+    /// The patterns `w_j`, before the spread by the camera's pixels.
     before: Vec<Vec<f64>>,
     /// The length of the gradient of each pattern, per pixel.
     slopes: Vec<Vec<f64>>,

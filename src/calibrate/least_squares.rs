@@ -56,7 +56,7 @@ impl Normal {
         self.add(&row, value, weight);
     }
 
-    /// Enlarges every diagonal entry by the factor `1 + share` (Levenberg–Marquardt damping).
+    /// Multiplies every diagonal entry by `1 + share` (Levenberg–Marquardt damping).
     pub(crate) fn damped(&self, share: f64) -> Self {
         let mut damped = self.clone();
         (0..self.unknowns).for_each(|i| damped.matrix[i * self.unknowns + i] *= 1.0 + share);

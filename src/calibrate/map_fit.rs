@@ -24,7 +24,7 @@ pub struct Fit {
     pub rms: f64,
     /// The standard error of the map itself, root mean square over the field, in projector pixels.
     pub error: f64,
-    /// The share of outliers among the correspondences.
+    /// The fraction of outliers among the correspondences.
     pub outliers: f64,
 }
 

@@ -23,8 +23,8 @@ const OUTLIERS: f64 = 0.5;
 /// it lies inside one projector pixel. This hides a shift by a fraction of a pixel.
 const SAMPLED: f64 = 1.5;
 
-/// The codes are exact when less than this fraction of the camera pixels is undecoded. Each other camera pixel lies inside a projector
-/// pixel.
+/// The codes are exact when less than this fraction of the camera pixels is undecoded. Each decoded camera pixel then lies inside a
+/// projector pixel.
 const ALIGNED: f64 = 0.1;
 
 /// Stripes must be at least this wide to be decoded, in camera pixels.
@@ -118,7 +118,7 @@ fn by_decoding(decoded: &Decoded, camera: Resolution, projector: Resolution) -> 
     Registration::of_rows(camera, projector, rows)
 }
 
-/// The number of camera pixels per projector pixel, along the axis with fewer of them.
+/// The number of camera pixels per projector pixel, along the axis where this number is smaller.
 fn scale(camera: Resolution, projector: Resolution) -> f64 {
     (camera.width as f64 / projector.width as f64).min(camera.height as f64 / projector.height as f64)
 }
@@ -133,7 +133,7 @@ fn matches(decoded: &Decoded, camera: Resolution) -> Vec<Match> {
     decoded.seen.iter().map(|seen| Match { camera: centre(seen.pixel, camera), projector: seen.at }).collect()
 }
 
-/// The share of projector pixels that no camera pixel sees.
+/// The fraction of projector pixels that no camera pixel sees.
 fn masked(registration: &Registration) -> f64 {
     let empty = registration.starts.windows(2).filter(|ends| ends[0] == ends[1]).count();
     empty as f64 / registration.projector.pixels() as f64
@@ -195,7 +195,8 @@ fn saddle(contrast: &[f64], lit: &[bool], map: &LensMap, near: [f64; 2], reach: 
                 let pixel = row * map.camera.width + column;
                 if lit[pixel] {
                     count += 1;
-                    // The weight falls smoothly to 0 at the border, so that no pixel enters or leaves the window abruptly as it moves.
+                    // The weight falls smoothly to 0 at the border, so that no pixel enters or leaves the window abruptly as the window
+                    // moves.
                     let weight = (1.0 - distance * distance).powi(2);
                     normal.add_full(&[1.0, x, y, x * x, x * y, y * y], contrast[pixel], weight);
                 }

@@ -1,5 +1,5 @@
-//! A calibration session takes frames and computes their means. This file also holds the model of the camera, and the measurement of the
-//! projector's latency, which is the first step of a calibration.
+//! A calibration session takes frames and computes their means. This file also holds the model of the camera, and measures the projector's
+//! latency.
 
 use std::collections::HashMap;
 use std::sync::Arc;

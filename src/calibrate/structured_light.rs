@@ -122,7 +122,7 @@ impl<'a> StructuredLight<'a> {
 // only if the difference of the two photos is a sufficient fraction of the direct light, which the finest stripes measure (Xu and Aliaga
 // 2007). A camera pixel with an undecided bit is left out.
 
-/// A bit is decided only when the difference of pattern and inverse is at least this share of the direct light.
+/// A bit is decided only when the difference of pattern and inverse is at least this fraction of the direct light.
 const DECIDED: f64 = 0.25;
 
 /// A bit is decided only when the difference is at least this many standard deviations of its noise.

@@ -14,7 +14,7 @@ pub struct Material {
     pub opacity: f32,
     /// RGB (sRGB) for [`Material::base_color`], alpha for [`Material::opacity`].
     pub base_color_texture: Option<TextureRef>,
-    /// How the opacity is used.
+    /// The effect of the opacity.
     pub alpha_mode: AlphaMode,
     /// 0 for a dielectric, 1 for a metal.
     pub metallic: f32,
@@ -59,7 +59,7 @@ pub struct Material {
     pub double_sided: bool,
 }
 
-/// How a surface uses its opacity.
+/// The effect of a surface's opacity.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum AlphaMode {
     /// Opacity is ignored, and the surface covers all points.
@@ -186,7 +186,7 @@ impl Default for Material {
     }
 }
 
-/// How texture coordinates outside `[0, 1]` are read.
+/// The handling of texture coordinates outside `[0, 1]`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum Wrap {
     /// The picture repeats.

@@ -19,7 +19,8 @@ const FAR: f64 = 8.0;
 /// offsets.
 const COARSE: f64 = 1.0 / 16384.0;
 
-/// The smallest distance between camera and surfaces, in metres. At slightly smaller powers of two, radiance overflows single precision.
+/// The smallest distance between camera and surfaces, in metres. If it were a few powers of two smaller, radiance would overflow single
+/// precision.
 const NEAREST: f64 = 1e-12;
 
 /// A histogram of distances, as the sum of weights for each power of two.
@@ -52,7 +53,7 @@ impl Distances {
     }
 }
 
-/// What is known about the position of a scene from its corners in the file's coordinates.
+/// The position of a scene, as found from its corners in the file's coordinates.
 pub(super) struct Place {
     /// The position of the camera, or of the first corner if there is no camera.
     anchor: Option<DVec3>,
@@ -60,8 +61,8 @@ pub(super) struct Place {
     pub(super) origin: DVec3,
     distances: Distances,
     is_settled: bool,
-    /// Four counts: all coordinates; those with a coarse step in single precision; those of the coarse ones that are single-precision
-    /// numbers; and those of the latter that are odd multiples of the step.
+    /// Four counts: coordinates; coordinates with a coarse step in single precision; coarse coordinates that are single-precision numbers;
+    /// and coarse single-precision coordinates that are odd multiples of the step.
     numbers: [u64; 4],
     /// The largest coarse step, in metres.
     step: f64,

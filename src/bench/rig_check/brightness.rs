@@ -83,7 +83,7 @@ fn iris(probe: &Probe<'_>, [before, after]: [f64; 2], quadrants: &[Vec<f64>]) ->
         return Finding::unmeasured("iris", "white has no more light than black");
     };
     let bound = if probe.is_known { IRIS } else { IRIS_UNCALIBRATED };
-    // Pulses and flicker change each photo by the scatter, and the sum of four photos with a quarter of the light each by half of it.
+    // Pulses and flicker change each photo by the scatter. The sum of the four quadrants changes by half of the scatter.
     let scatter = (0.5 * probe.scatter).max(change.abs());
     let is_off = off.abs() - 1.5 * scatter > bound;
     let found = match (is_off, off < 0.0) {

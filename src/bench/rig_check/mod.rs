@@ -2,7 +2,8 @@
 //! behaviour of projectors and cameras (an iris, pulses, overscan).
 //!
 //! [`check`] runs one check after another and passes each [`Finding`] to a callback as soon as it is known. A finding has the state that
-//! was found, the expected state, and the remedy. Its [`Grade`] follows from bounds, which are constants in the modules of the checks.
+//! was found, the expected state, and the remedy. Its [`Grade`] follows from bounds, which are constants beside each check. `krylux rig
+//! check` prints these findings.
 //!
 //! ```no_run
 //! use std::ops::ControlFlow;

@@ -323,7 +323,7 @@ mod tests {
                 finding.grade == grade && finding.found.contains("outermost 2 rows and columns"),
                 "{finding}"
             );
-            // The finding states a whole percentage. The first number is the width.
+            // The finding states an integer percentage. The first number is the width.
             assert!((numbers(&finding)[1] - share).abs() <= 0.5, "{finding}");
         }
     }

@@ -65,7 +65,8 @@ const BUMPS: f64 = 6.0;
 /// region.
 pub fn tessellated_box(target_triangles: usize) -> Scene {
     let cells = ((target_triangles as f64 / 10.0).sqrt().round() as usize).max(1);
-    // Each wall has an origin, the direction of its columns and that of its rows. The cross product of these directions points inwards.
+    // Each wall has an origin, the direction of its columns, and the direction of its rows. The cross product of these directions points
+    // inwards.
     let walls = [
         ("floor", dvec3(-0.5, -0.5, 0.0), DVec3::X, DVec3::NEG_Z),
         ("ceiling", dvec3(-0.5, 0.5, -1.0), DVec3::X, DVec3::Z),
