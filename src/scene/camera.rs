@@ -169,7 +169,7 @@ impl Camera {
     }
 
     /// The fraction of the picture, in the shape stated by its file, that photos of this resolution cut off at the left and right. `None`
-    /// if less than half a pixel is cut off on each side.
+    /// if at most half a pixel is cut off on each side.
     pub fn cropped(&self, resolution: Resolution) -> Option<f64> {
         let whole = f64::from(self.aspect?) * resolution.height as f64;
         let width = resolution.width as f64;

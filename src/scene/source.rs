@@ -201,7 +201,7 @@ const MAX_SIDE: u32 = 16384;
 /// The largest number of texels of all pictures together, because a few kilobytes of PNG can encode any number of pixels.
 const MAX_TEXELS: u64 = 1 << 27;
 
-/// The largest size of a decoded picture in bytes. PNG's largest pixel format, 16-bit RGBA, has 8 bytes.
+/// The largest size of a decoded picture in bytes. PNG's largest pixel (16-bit RGBA) has 8 bytes.
 const MAX_BYTES: usize = 8 << 27;
 
 pub(super) struct Texels {

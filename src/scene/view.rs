@@ -13,7 +13,7 @@ use crate::image::Resolution;
 const MAX_INTERSECTIONS: usize = 1 << 24;
 /// The largest number of rays along one side of the picture.
 const MAX_SIDE: usize = 32;
-/// The distance in metres from which surfaces count as far. They send back less than a ten-thousandth of a pattern.
+/// Surfaces beyond this distance, in metres, count as far. They send back less than a ten-thousandth of a pattern.
 const FAR: f32 = 50.0;
 
 /// Surfaces with a lower roughness count as mirrors here.
@@ -313,7 +313,7 @@ mod tests {
             with(|material| (material.alpha_mode, material.opacity) = (AlphaMode::Blend, 0.0))?,
             "has an opacity of 0",
         );
-        // A surface that is missed by all rays because it is small is still in view.
+        // All rays miss the surface because it is small, but it is still in view.
         let speck = reason(|scene| {
             let centre = scene.camera.position + 1.37 * scene.camera.forward;
             scene.triangles.truncate(1);

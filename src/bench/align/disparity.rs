@@ -12,7 +12,7 @@ const SIDE: f64 = 4.0;
 /// A cell is used if at least this fraction of its pixels is decoded.
 const FILLED: f64 = 0.25;
 
-/// Codes farther than this many steps from their cell's median are misread or belong to another depth. Rounding moves codes less.
+/// Codes farther than this many steps from their cell's median are misread or belong to another depth. Rounding alone moves them less.
 const APART: f64 = 0.75;
 
 /// The smallest assumed scatter within a cell, in projector pixels.
@@ -145,7 +145,7 @@ const SIGMAS: f64 = 4.0;
 /// codes by up to 0.07 pixels where surfaces meet, even in an aligned rig.
 const LEAST_OFF: f64 = 0.1;
 
-/// The smallest number of displaced cells, and their smallest fraction of all cells.
+/// An offset requires at least this number of displaced cells, and at least this fraction of all cells.
 const CELLS: (usize, f64) = (3, 0.01);
 
 /// The side is certain if at least this fraction of the displacement points to it.

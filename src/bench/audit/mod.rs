@@ -81,7 +81,7 @@ impl AuditReport {
         self.checks.clone()
     }
 
-    /// Whether all checks passed without failure.
+    /// Whether no check fails.
     pub fn passed(&self) -> bool {
         self.checks.iter().all(|check| check.grade != Grade::Fails)
     }

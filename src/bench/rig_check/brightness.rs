@@ -31,8 +31,8 @@ const VIDEO_ENDS: [f64; 2] = [16.0 / 255.0, 235.0 / 255.0];
 /// The number of blocks along an axis into which the picture is divided to detect stray light.
 const BLOCKS: usize = 24;
 
-/// The exponent that distinguishes stray light from light of the scene. The blocks with the least light in a quadrant's photo are compared
-/// with white: their stray light grows at most as this power of the light under white, but light of the scene grows in proportion to it.
+/// The exponent that distinguishes stray light from light of the scene. The light of the darkest blocks is compared with their light under
+/// white. Stray light grows at most as this power of the light under white, whereas light of the scene grows in proportion to it.
 const EVEN: f64 = 0.5;
 
 /// The smallest standard deviation of the logarithms of brightness from which the exponent can be determined.

@@ -302,7 +302,7 @@ pub(crate) fn pixel_map(
             Finding::graded("pixel map", Grade::Fails, fault, expected, help)
         }
         Err(error) => return Err(error),
-        // If no shift fits, the correlation is not a number.
+        // If no shift fits, the correlation is not a finite number.
         Ok(found) if found.agreement < MIN_CORRELATION || found.agreement.is_nan() => {
             let by = if found.agreement.is_finite() {
                 format!(" (correlation {:.2})", found.agreement)

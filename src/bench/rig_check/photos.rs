@@ -29,7 +29,7 @@ const AMBIENT: f64 = 0.2;
 /// The check warns when drift and flicker change white by more than this fraction between photos. `krylux audit` has the same bound.
 const REPEATABILITY: f64 = 0.01;
 
-/// The check fails when the first white after black is darker than a repeated white by more than this fraction. The latency measurement of
+/// The check fails when the first white after black differs from a repeated white by more than this fraction. The latency measurement of
 /// the calibration has the same tolerance.
 const SETTLING: f64 = 2e-3;
 

@@ -140,7 +140,7 @@ const STANDS_OUT: f64 = 2.5;
 /// than the frame.
 const LARGEST: f64 = 0.4;
 
-/// The largest number of photo pixels per projector pixel. A finer photo is first reduced to this.
+/// The largest number of photo pixels per projector pixel. A finer photo is first downsampled.
 const FINEST: f64 = 3.0;
 
 /// Photographs dots, and correlates the photo with displaced copies of itself.

@@ -226,7 +226,7 @@ impl Binary {
 
     fn indices(&mut self, part: &Part) -> usize {
         let start = self.bytes.len();
-        // The format reserves the largest index of each width for primitive restart.
+        // The format reserves the largest index of each integer type for primitive restart.
         let short = part.positions.len() < usize::from(u16::MAX);
         for &index in part.triangles.as_flattened() {
             if short {

@@ -10,7 +10,7 @@
 //! | `KHR_texture_transform` | supported, for each texture separately |
 //! | `KHR_mesh_quantization` | supported |
 //! | `EXT_mesh_gpu_instancing` | supported |
-//! | `KHR_draco_mesh_compression`, `EXT_meshopt_compression`, `KHR_meshopt_compression` | decompressed by a krylux that is built with the feature `compressed`; without it an error where the file requires the extension, and otherwise the copy in the file that is not compressed is read |
+//! | `KHR_draco_mesh_compression`, `EXT_meshopt_compression`, `KHR_meshopt_compression` | decompressed by a krylux that is built with the feature `compressed`; without it an error where the file requires the extension, and otherwise the uncompressed copy in the file is read |
 //! | `EXT_texture_webp` | supported |
 //! | `KHR_texture_basisu`, `EXT_texture_avif`, `MSFT_texture_dds` | another picture of the texture is used; where there is none, the texture is left out with a warning; an error where the file requires the extension |
 //! | `KHR_lights_punctual` | ignored with a warning: the projector is the light |

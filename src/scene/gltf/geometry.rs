@@ -300,10 +300,10 @@ fn bad_position(document: &Document, what: &str, vertex: u32, local: Vec3) -> Er
 /// The largest number of placed primitives. The limit is needed because a small file can place any number of primitives without triangles.
 const MAX_PLACEMENTS: usize = 1 << 20;
 
-/// The largest total of triangles, counted once for each morph target.
+/// The largest number of triangles, counted once for each morph target.
 const MAX_MORPHS: usize = 1 << 28;
 
-/// The counts so far. They are limited because a small file can place one mesh any number of times.
+/// The numbers of placements, instances and triangles so far. They are limited because a small file can place one mesh any number of times.
 #[derive(Default)]
 struct Counts {
     placements: usize,

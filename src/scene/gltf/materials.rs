@@ -20,7 +20,8 @@ pub(super) struct Materials {
     pub textures: Textures,
     /// The index into the list for each material of the file. The key `None` stands for glTF's default material.
     index_of: HashMap<Option<usize>, usize>,
-    /// Copies of materials without some textures, for primitives that lack coordinates. The key has the material and the available sets.
+    /// Copies of materials without some textures, for primitives that lack coordinates. The key has the material and the available
+    /// coordinate sets.
     bare: HashMap<(u32, [bool; 2]), u32>,
 }
 

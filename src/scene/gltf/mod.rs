@@ -47,7 +47,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     }
 
     let placed = nodes::walk(&mut document)?;
-    // Errors about the camera are thus reported before the slow work on the meshes.
+    // The cameras are completed before the slow work on the meshes, so that errors about them are reported early.
     let cameras = cameras::complete(&mut document, &placed, options, camera_file.unwrap_or_default())?;
     let mut materials = materials::Materials::default();
     let mut place = Place::of(cameras.camera.as_ref().map(|camera| camera.position));

@@ -118,8 +118,8 @@ fn parents(document: &Document) -> Result<Vec<Option<usize>>> {
     Ok(parents)
 }
 
-/// The nodes at which the traversal starts: the listed nodes that are not below another listed node. Each node is thus visited at most
-/// once. Some exporters list a node but not its parent. The node is then shown without its parent, as in other viewers.
+/// The nodes at which the traversal starts: the nodes that the scene lists, unless they are below another listed node. Each node is thus
+/// visited at most once. Some exporters list a node but not its parent. The node is then shown without its parent, as in other viewers.
 fn trees(document: &mut Document, parents: &[Option<usize>], listed: Vec<usize>) -> Result<Vec<usize>> {
     let name = |index: usize| document.node_name(index);
     let mut is_listed = vec![false; parents.len()];

@@ -1,6 +1,6 @@
 //! Loads Wavefront `.obj` files with `.mtl` libraries.
 //!
-//! | statement | here |
+//! | statement | treatment |
 //! |---|---|
 //! | `v`, `vt`, `vn`, `f` | triangles; faces with more corners, convex or not, are split in the plane that fits them best |
 //! | `v` with three more numbers | linear vertex colours |
