@@ -1,8 +1,8 @@
 //! The loader of glTF 2.0 scenes, `.glb` and `.gltf`.
 //!
-//! The crate `gltf` parses the JSON. This module checks every reference and every range where it is used. The crate's own validation is not
-//! used, because it refuses files with extensions that krylux supports. Without this validation, the crate's readers would panic on invalid
-//! files, so they are not used either. For any input, loading ends with a scene or an [`enum@Error`].
+//! The crate `gltf-json` parses the JSON. This module checks every reference and every range where it is used. The validation of the crate
+//! `gltf` is not used, because it refuses files with extensions that krylux supports. Without this validation, the readers of `gltf` would
+//! panic on invalid files, so they are not used either. For any input, loading ends with a scene or an [`enum@Error`].
 //!
 //! The module [`extensions`] lists the supported, ignored and refused features.
 

@@ -12,7 +12,7 @@ use super::{Document, extensions, geometry, object_name, pose};
 use crate::error::Result;
 use crate::scene::Triangle;
 
-/// The translation of each node relative to its parent in double precision (the crate `gltf` reads single). Empty if the text is
+/// The translation of each node relative to its parent in double precision (the crate `gltf-json` reads single). Empty if the text is
 /// unreadable.
 pub(super) fn translations(text: &[u8]) -> Vec<Option<DVec3>> {
     #[derive(Deserialize)]
