@@ -1,18 +1,18 @@
 //! Coaxial alignment: whether camera and projector share one centre of projection, and otherwise where the camera must move.
 //!
-//! A round of structured light finds the point of the projector's raster that each camera pixel sees. If both devices share one
-//! centre, one map joins their rasters for every scene. Otherwise, near surfaces are displaced relative to far ones:
+//! A round of structured light finds the point of the projector's raster that each camera pixel sees. If both devices share one centre, a
+//! single map relates their rasters for every scene. Otherwise, near surfaces are displaced relative to far ones:
 //!
 //! | figure | source |
 //! |---|---|
-//! | disparity | codes compared with the one map that fits most of them |
+//! | disparity | codes compared with the single map that fits most of them |
 //! | camera offset | the cells displaced from that map, which are assumed to be nearer |
 //! | shadow | camera pixels that see the scene, but no light straight from the projector |
 //! | symmetry | `yᵀ A x` compared with `xᵀ A y`, as in [`crate::bench::audit`] |
 //!
-//! **These figures cannot distinguish near from far**: a bump seen from the left has the same codes and shadows as a dent seen
-//! from the right (relief reversal). The larger part of the view is therefore taken as the background, and everything displaced
-//! from its map as an object in front of it. Hang a small object there to align by. On a flat scene all figures are 0.
+//! **These figures cannot distinguish near from far**: a bump seen from the left has the same codes and shadows as a dent seen from the
+//! right (relief reversal). The larger part of the view is therefore assumed to be the background, and displaced parts are assumed to be
+//! objects in front of it. To align the devices, hang a small object in front of the background. On a flat scene all figures are 0.
 
 mod disparity;
 
@@ -32,11 +32,11 @@ use crate::measure::{LensMap, Plane, Registration};
 /// The options of an alignment round.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AlignOptions {
-    /// Number of random patterns. Symmetry is judged from all pairs of them, and is not judged with fewer than two.
+    /// Number of random patterns. Symmetry is judged from all pairs of patterns, and is not judged with fewer than two patterns.
     pub patterns: usize,
     /// The largest `‖A − Aᵀ‖/‖A‖` (Frobenius) that passes.
     pub asymmetry: f64,
-    /// The largest share of pixels in shadow that passes.
+    /// The largest fraction of pixels in shadow that passes.
     pub share: f64,
 }
 
@@ -49,16 +49,16 @@ impl Default for AlignOptions {
 /// Colour of shadows: pixels that see the scene but receive no direct light from the projector.
 pub const SHADOW: [u8; 3] = [0xe0, 0x20, 0x18];
 
-/// Colour of pixels that see nothing.
+/// Colour of pixels that see no light.
 pub const DARK: [u8; 3] = [0x48, 0x20, 0x60];
 
-/// Colour of the arrows; it differs clearly from grays and from the two colours above.
+/// Colour of the arrows. It differs clearly from grays and from the two colours above.
 pub const ARROW: [u8; 3] = [0x00, 0x70, 0xff];
 
 /// The picture is enlarged by the largest integer factor that keeps its longer side within this many pixels, so that arrows are visible.
 const LARGE: usize = 640;
 
-/// The length in cells of an arrow for the 95th percentile of the cells' displacements.
+/// The length of an arrow at the 95th percentile of the cells' displacements, in cells.
 const LENGTH: f64 = 1.5;
 
 /// The result of an alignment round.
@@ -68,13 +68,13 @@ pub struct Alignment {
     pub camera: Resolution,
     /// Each camera pixel's light under white, in linear digital numbers (DN).
     pub white: Vec<f64>,
-    /// The kind of thing that each camera pixel sees.
+    /// The class of each camera pixel.
     pub sights: Vec<Sight>,
-    /// The share of shadow among the pixels that see the scene.
+    /// The number of pixels in shadow divided by the number of pixels that see the scene.
     pub shadow: f64,
-    /// The share of the projector's field where the camera sees nothing: a black surface, or a shadow without any light.
+    /// The fraction of the projector's field where the camera sees no light: a black surface, or a shadow without any light.
     pub dark: f64,
-    /// The displacements that the common map does not explain.
+    /// The displacements of the cells from the common map.
     pub disparity: Disparity,
     /// The camera offset. `None` if too few cells are displaced from the map.
     pub stand: Option<CameraOffset>,
@@ -82,7 +82,7 @@ pub struct Alignment {
     pub symmetry: Option<Finding>,
 }
 
-/// The result of a round, or the reason that there is none.
+/// The result of a round, or the reason that the round has no result.
 #[derive(Clone, Debug)]
 pub enum Round {
     /// The round succeeded.
@@ -97,12 +97,12 @@ pub enum Round {
 }
 
 impl Alignment {
-    /// The least displacement, in projector pixels, that counts as different from the map.
+    /// The smallest displacement that counts as different from the map, in projector pixels.
     pub fn least(&self) -> f64 {
         disparity::least(&self.disparity)
     }
 
-    /// The findings: displacement from the common map, shadow, and symmetry if it is judged.
+    /// The findings: displacement from the common map and shadow, and also symmetry if it is judged.
     pub fn findings(&self, options: &AlignOptions) -> Vec<Finding> {
         let (disparity, least) = (&self.disparity, self.least());
         let [size, error] =
@@ -110,7 +110,7 @@ impl Alignment {
         let displaced = self.stand.map_or(0.0, |stand| 100.0 * stand.share);
         let found = format!("{displaced:.0} % of the field is displaced from one map, by {size:.3} pixels");
         let help = "move the camera to the projector's centre of projection";
-        // The grade depends on whether enough cells are displaced, and not only on the size of their displacement.
+        // The grade depends on the number of displaced cells, and not only on the size of their displacement.
         let grade = if self.stand.is_none() { Grade::Ok } else { Grade::Fails };
         let disparity =
             Finding::graded("disparity", grade, found, format!("at most {least:.3} pixels"), help);
@@ -157,7 +157,7 @@ impl Alignment {
             let tip = [x + right, y + down];
             draw_line(&mut pixels, size, [x, y], tip);
             for side in [-1.0, 1.0] {
-                // The head reaches back by 0.3 of the arrow's length, and sideways by half of that.
+                // The head of the arrow extends backwards by 0.3 of the arrow's length, and sideways by half of that.
                 let head =
                     [tip[0] - 0.3 * (right - side * 0.5 * down), tip[1] - 0.3 * (down + side * 0.5 * right)];
                 draw_line(&mut pixels, size, tip, head);
@@ -185,7 +185,7 @@ fn draw_line(pixels: &mut [[u8; 3]], size: Resolution, from: [f64; 2], to: [f64;
     }
 }
 
-/// Takes a round.
+/// Takes and evaluates a round of structured light.
 ///
 /// # Errors
 /// Any error of taking frames. An [`Error::Rig`] of the fit is returned as [`Round::Lost`].
@@ -216,28 +216,28 @@ pub fn align(observer: &mut StructuredLight<'_>, options: &AlignOptions) -> Resu
     })))
 }
 
-/// A pixel that is not lit has less direct light than this share of the median direct light.
+/// Pixels whose direct light is below this fraction of the median direct light may be in shadow.
 const UNLIT: f64 = 0.05;
 
-/// A pixel that is not lit has at most this share of direct light in its light under white.
+/// Pixels are in shadow only if direct light is at most this fraction of their light under white.
 const INDIRECT: f64 = 0.25;
 
 /// A pixel sees the scene if its light exceeds this many standard deviations of the noise and also [`GLIMMER`].
 const SIGMAS: f64 = 5.0;
 
-/// The least light of a pixel that sees the scene, as a share of the median direct light. Less light is negligible.
+/// The least light of a pixel that sees the scene, relative to the median direct light. Less light is negligible.
 const GLIMMER: f64 = 0.01;
 
-/// The kinds of things that a camera pixel can see.
+/// The class of a camera pixel, by the light that it sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sight {
-    /// A place that receives light straight from the projector.
+    /// A surface that receives light straight from the projector.
     Lit,
-    /// A place that receives only indirect or ambient light.
+    /// A surface that receives only indirect or ambient light.
     Shadow,
-    /// Nothing: a black surface, or a shadow without any light.
+    /// No light: a black surface, or a shadow without any light.
     Dark,
-    /// A place outside the projector's field.
+    /// A surface outside the projector's field.
     Outside,
 }
 
@@ -267,8 +267,8 @@ pub(crate) fn sights(decoded: &Decoded, map: &LensMap, margin: f64) -> Vec<Sight
         .collect()
 }
 
-/// The symmetry score from patterns of fully lit and dark pixels, for which the projector's response need not be known. Photos are
-/// resampled with the round's own map. `None` when fewer than two projector pixels are seen.
+/// The symmetry score from patterns of fully lit and dark pixels, so that the projector's response need not be known. Photos are resampled
+/// with the map of this round. Returns `None` when fewer than two projector pixels are seen.
 pub(crate) fn symmetry(
     observer: &mut StructuredLight<'_>,
     decoded: &Decoded,
@@ -298,7 +298,7 @@ pub(crate) fn symmetry(
         photos.push(resampled(&map, &photo, black, |light| observer.variance(light)));
         patterns.push(pattern);
     }
-    // The black photo is subtracted from all photos, so `2 photo − white` contains it once, and its noise is added to the noise of white.
+    // The black photo is subtracted from every photo. So `2 photo − white` contains it once, and its noise is added to the noise of white.
     let white = resampled(&map, &white, black, |light| observer.variance(light));
     let dark = resampled(&map, black, black, |light| observer.variance(light));
     let variance = white.variance.iter().zip(&dark.variance).map(|(white, black)| white + black).collect();

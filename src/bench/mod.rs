@@ -1,4 +1,4 @@
-//! The questions to answer about a bench before its photos are trusted. Each answer is a list of [`Finding`](crate::finding::Finding)s.
+//! Checks of a bench before its photos are trusted. Each check results in a list of [`Finding`](crate::finding::Finding)s.
 //!
 //! | question | module |
 //! |---|---|

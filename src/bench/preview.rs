@@ -1,5 +1,5 @@
-//! The live preview of a rig: one pattern is photographed repeatedly while a person sets up projector and camera. The figures describe the
-//! camera's counts; frames are not converted to light.
+//! The live preview of a rig: one pattern is photographed repeatedly while a person sets up projector and camera. All figures are computed
+//! from the camera's counts, which are not converted to light.
 
 use std::sync::Arc;
 
@@ -24,15 +24,15 @@ pub const CRUSHED: [u8; 3] = [0x20, 0x50, 0xff];
 pub struct CountRange {
     /// The count without light.
     pub black: f64,
-    /// The count from which counts are saturated.
+    /// Counts of at least this value are saturated.
     pub limit: f64,
     /// The largest count.
     pub full: f64,
 }
 
 impl CountRange {
-    /// The range from a calibration. Without one, a frame of the black projector is taken at the shortest exposure. Its median is then the
-    /// count without light, and only the largest count is saturated.
+    /// Takes the range from a calibration. Without a calibration, a frame of the black projector is taken at the shortest exposure. Its
+    /// median is then the count without light, and only the largest count is regarded as saturated.
     pub fn measure(known: Option<&CameraResponse>, frames: &mut dyn FrameSource) -> Result<Self> {
         let camera = frames.camera();
         let full = f64::from((1_u32 << camera.bits) - 1);
@@ -45,8 +45,8 @@ impl CountRange {
         Ok(Self { black: raw.percentile(0.5), limit: full, full })
     }
 
-    /// Paints a frame in sRGB, from the count without light to the largest count. Pixels with a saturated sample are [`SATURATED`], and
-    /// pixels whose counts are all 0 are [`CRUSHED`].
+    /// Paints a frame in sRGB, from the count without light to the largest count. A pixel with a saturated sample is [`SATURATED`]. A pixel
+    /// whose samples are all 0 is [`CRUSHED`].
     pub fn paint(&self, frame: &RawFrame) -> Raster {
         let range = (self.full - self.black).max(1.0);
         let pixels = frame.counts.chunks_exact(frame.channels).map(|pixel| {
@@ -66,9 +66,9 @@ impl CountRange {
     }
 }
 
-/// The frame that shows an image as levels: 0 becomes level 0, and 1 the brightest level. Values outside this range are clamped, and the
-/// projector's response is not corrected. An image with other pixels than the projector's is an
-/// [`Error::Dimension`](crate::Error::Dimension).
+/// Converts an image to the frame that shows its values as levels. The value 0 becomes level 0, and 1 becomes the highest level. Values
+/// outside this range are clamped, and the projector's response is not corrected. Fails with [`Error::Dimension`](crate::Error::Dimension)
+/// when the image has another resolution than the projector.
 pub fn level_frame(image: &Image, projector: &ProjectorInfo) -> Result<Frame> {
     let (size, channels, top) = (projector.resolution, projector.channels, f32::from(projector.highest()));
     if image.resolution() != size {
@@ -96,9 +96,9 @@ pub struct LivePreview {
 }
 
 impl LivePreview {
-    /// Starts a preview of a pattern, which is shown as levels, with this exposure in seconds. Without one, the exposure is the one at which
-    /// white fills the camera's range, and the outcome says whether there is such an exposure. The calibration of the camera tells the
-    /// meaning of its counts if it is `known`. Fails as [`level_frame`] and if the rig fails.
+    /// Starts a preview of a pattern, which is shown as levels, with this exposure in seconds. If no exposure is given, it is chosen so
+    /// that white fills the camera's range, and the outcome says whether there is such an exposure. If the camera's response is `known`, it
+    /// determines the meaning of the counts. Fails as [`level_frame`] does, and when the rig fails.
     pub fn new(
         mut frames: Box<dyn FrameSource>,
         known: Option<&CameraResponse>,
@@ -163,18 +163,18 @@ impl LivePreview {
     }
 }
 
-/// The figures of one frame. Shares are shares of all samples.
+/// The figures of one frame. All fractions are relative to the number of samples.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameFigures {
     /// The number of the frame, from 1.
     pub frame: u64,
     /// The largest count.
     pub brightest: u16,
-    /// The mean count above black, as a share of the range above black.
+    /// The mean count above black, as a fraction of the range above black.
     pub mean: f64,
-    /// The share of the samples that are saturated.
+    /// The fraction of saturated samples.
     pub saturated: f64,
-    /// The share of the samples whose count is 0.
+    /// The fraction of samples whose count is 0.
     pub black: f64,
     /// The [focus score](focus()) of this frame and the previous one. The first frame has none.
     pub focus: Option<f64>,
@@ -187,7 +187,7 @@ pub struct FrameFigures {
 }
 
 impl FrameFigures {
-    /// The figures of frame number `frame`, with the rate in frames per second, the focus score and the best score so far.
+    /// Computes the figures of frame number `frame`. `per_second` is the rate of frames, and `best_focus` the best focus score so far.
     pub(crate) fn of(
         raw: &RawFrame,
         range: &CountRange,
@@ -228,7 +228,7 @@ impl FrameFigures {
         )
     }
 
-    /// The figures that fit into a terminal of 80 columns.
+    /// One line with the figures that fit into a terminal of 80 columns.
     pub fn short_line(&self, range: &CountRange) -> String {
         format!(
             "focus {}, best {}, saturated {}, black {}, peak {:.0} %, {:.1}/s",
@@ -254,13 +254,13 @@ fn percent(share: f64) -> String {
 }
 
 // The focus score is the Tenengrad, the mean square of the Sobel gradient (Tenenbaum, *Accommodation in computer vision*, 1970; Krotkov,
-// *Focusing*, IJCV 1, 1988). It is divided by the squared mean, so that it does not depend on exposure and brightness. In the square of a
-// gradient, noise counts as much as an edge. The score therefore uses the *product* of the gradients of two frames of the same scene: their
-// noise is independent and averages out.
+// *Focusing*, IJCV 1, 1988). It is divided by the squared mean, so that it does not depend on exposure and brightness. Noise would raise
+// the square of a gradient as edges do. The score therefore uses the *product* of the gradients of two frames of the same scene. The noise
+// of the two frames is independent and averages out in the product.
 
-/// The focus score of two frames of the same scene under the same pattern. A larger score is sharper, and a uniform surface scores 0 up to
-/// noise. `black` is the count without light. Pixels with a count of `limit` or more are left out together with their neighbours. The score
-/// is `None` when the frames differ in size, no pixel remains, or there is no light.
+/// The focus score of two frames of the same scene under the same pattern. A larger score means a sharper image, and a uniform surface has
+/// the score 0 up to noise. `black` is the count without light. Pixels with a count of `limit` or more are left out together with their
+/// neighbours. The score is `None` when the frames differ in size, when no pixel remains, or when there is no light.
 pub fn focus(first: &RawFrame, second: &RawFrame, black: f64, limit: f64) -> Option<f64> {
     let (width, height, channels) = (first.resolution.width, first.resolution.height, first.channels);
     if (second.resolution, second.channels) != (first.resolution, channels) {
@@ -282,7 +282,7 @@ pub fn focus(first: &RawFrame, second: &RawFrame, black: f64, limit: f64) -> Opt
         for x in 1..width.saturating_sub(1) {
             let ([ax, ay], [bx, by]) = (sobel(&a, width, x, y), sobel(&b, width, x, y));
             let product = ax * bx + ay * by;
-            // A saturated neighbour makes the product NaN.
+            // A saturated pixel in the neighbourhood makes the product NaN.
             if product.is_finite() {
                 products += product;
                 lights[0] += a[y * width + x];
@@ -329,7 +329,7 @@ mod tests {
         assert!(figures.line(&range).contains("123.4 a second of 0.0333 s"));
     }
 
-    /// Ten counts of two pixels with five channels: one count is 0, and three are at the limit of 200 or above.
+    /// Ten counts of two pixels with five channels. One count is 0, and three counts are at or above the limit of 200.
     #[test]
     fn figures_are_those_of_the_counts_and_lines_say_them() {
         let counts = vec![0, 10, 200, 255, 199, 201, 20, 30, 40, 45];
@@ -357,7 +357,7 @@ mod tests {
         RawFrame { resolution: SIZE, channels: 1, counts, exposure: 0.1, id: 0, started: 0.0 }
     }
 
-    /// A blurred checkerboard with squares of eight pixels and with mean `light`.
+    /// A blurred checkerboard with squares of eight pixels and with the mean `light`.
     fn squares(blur: f64, light: f64) -> Vec<f64> {
         let sharp: Vec<f64> = (0..SIZE.pixels())
             .map(|pixel| (pixel % SIZE.width / 8 + pixel / SIZE.width / 8) % 2)
@@ -385,14 +385,14 @@ mod tests {
         assert!((dim / scores[2] - 1.0).abs() < 1e-2, "{dim} {}", scores[2]);
     }
 
-    /// Slopes of two frames. Their gradients, summed over three channels, are (20, 6) and (40, −10), and the product is 740 everywhere.
+    /// Two linear ramps. Their gradients, summed over three channels, are (20, 6) and (40, −10), and have the product 740 everywhere.
     #[test]
     fn the_score_of_slopes_is_the_product_of_their_gradients_over_that_of_their_light() {
         let slope = |right: i32, down: i32, channels: usize| {
             let value = |sample: usize| {
                 let (pixel, channel) = (sample / channels, sample % channels);
                 let (x, y) = ((pixel % SIZE.width) as i32, (pixel / SIZE.width) as i32);
-                // Two channels have the slope, and the third has none.
+                // Two channels have the ramp, and the third is constant.
                 let share = if channel < 2 { 1 } else { 0 };
                 (5000 + share * (right * x + down * y)) as u16
             };
@@ -401,10 +401,10 @@ mod tests {
         };
         let (first, second) = (slope(10, 3, 3), slope(20, -5, 3));
         let found = focus(&first, &second, 1000.0, 65_535.0).expect("there is light");
-        // The mean light of all pixels inside the border equals the light in the middle. Black is subtracted from each channel.
+        // The mean light over all pixels inside the border equals the light in the middle. Black is subtracted from each channel.
         let light = |right: f64, down: f64| 3.0 * 4000.0 + 2.0 * (31.5 * right + 23.5 * down);
         let expected = (20.0 * 40.0 - 6.0 * 10.0) / (light(10.0, 3.0) * light(20.0, -5.0));
-        // All numbers are whole until the last division.
+        // All numbers are integers until the last division, so the result is exact up to rounding.
         assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
         assert_eq!(focus(&first, &slope(20, -5, 1), 1000.0, 65_535.0), None, "frames of different cameras");
     }
@@ -419,7 +419,7 @@ mod tests {
             let frame = frame(|pixel| noisy[pixel]);
             focus(&frame, &frame, 0.0, 65535.0).expect("there is light")
         };
-        // The noise is 6 %. Its square has a large mean, but the product of two independent gradients has the mean 0.
+        // The noise is 6 %. The square of a noisy gradient has a large mean, but the product of two independent gradients has the mean 0.
         let by_two = (0..8).map(|seed| score(&even, 577.0, seed).abs()).fold(0.0, f64::max);
         assert!(by_two < 0.1 * by_one_frame, "{by_two} {by_one_frame}");
         let (noisy, clean) =

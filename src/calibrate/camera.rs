@@ -11,13 +11,13 @@ use crate::error::{Error, Result};
 use crate::measure::CameraResponse;
 use crate::rig::{Frame, RawFrame};
 
-/// The number of exposures in the series. They descend from white's exposure by factors of √2.
+/// The number of exposures from white's exposure downwards, in steps of √2. The series also has one longer exposure.
 const SERIES: i32 = 15;
 
 /// The number of pairs of black frames at the shortest exposure.
 const DARK_PAIRS: usize = 4;
 
-/// The limit of saturation lies this many standard deviations of noise below the plateau.
+/// The saturation limit lies this many standard deviations of the noise below the plateau.
 const MARGIN: f64 = 4.0;
 
 #[derive(Clone, Debug)]
@@ -28,7 +28,7 @@ pub(crate) struct CalibratedCamera {
     pub(crate) white_noise: f64,
 }
 
-/// Calibrates the camera. At `exposure` seconds, `white` fills the range. Fails with [`Error::Rig`] when frames cannot be taken, and with
+/// Calibrates the camera. White fills the range at `exposure` seconds. Fails with [`Error::Rig`] when frames cannot be taken, and with
 /// [`Error::Numerical`] when they do not determine the camera's values.
 pub(crate) fn camera(
     session: &mut CalibrationSession<'_>,
@@ -46,7 +46,7 @@ pub(crate) fn camera(
     let (up, down) = series(session, white, exposure)?;
     let darks = dark_series(session, &black, exposure)?;
     let sorting = session.capture(white, exposure)?;
-    // The noise is not known yet. One electron per DN is assumed, which is noisier than real cameras.
+    // The gain is not known yet. One electron per DN is assumed, because real cameras have less noise than that.
     let careful = limit(&plateau, (plateau.count - floor).sqrt(), MARGIN);
     let whites: Vec<RawFrame> = up.iter().chain(&down).cloned().collect();
     let blacks: Vec<RawFrame> = dark.iter().flatten().chain(&darks).cloned().collect();
@@ -93,7 +93,7 @@ pub(crate) fn camera(
     })
 }
 
-/// Captures white at rising exposures, then at falling ones, so that a drift of the light cancels.
+/// Captures white at ascending exposures, then at descending ones, so that a drift of the light cancels.
 fn series(
     session: &mut CalibrationSession<'_>,
     white: &Arc<Frame>,
@@ -116,7 +116,7 @@ fn series(
     Ok((up, down))
 }
 
-/// Captures black at white's exposure and at shorter ones.
+/// Captures black at white's exposure and at three shorter exposures.
 fn dark_series(
     session: &mut CalibrationSession<'_>,
     black: &Arc<Frame>,
@@ -132,7 +132,7 @@ fn dark_series(
     Ok(frames)
 }
 
-/// Fits a line to the mean counts of black frames over the exposure. Returns the black level in DN, and DN per second.
+/// Fits a line to the mean counts of black frames over their exposure. Returns the black level in DN, and the slope in DN per second.
 fn dark_line(
     dark: &[[RawFrame; 2]],
     darks: &[RawFrame],
@@ -143,7 +143,7 @@ fn dark_line(
     for frame in dark.iter().flatten().chain(darks) {
         let samples = frame.counts.len() as f64;
         let mean = frame.mean();
-        // Counting the black level as light bounds the shot noise from above.
+        // The whole mean count, black level included, is taken as light. This gives an upper bound of the shot noise.
         let variance = (read_noise.powi(2) + mean / gain) / samples;
         normal.add_full(&[1.0, frame.exposure], mean, 1.0 / variance.max(1e-9));
     }
@@ -151,7 +151,7 @@ fn dark_line(
     Ok([0, 1].map(|at| MeasuredValue::new(line.values[at], line.error(at))))
 }
 
-/// The mean light of black frames for a curved response, in linear DN per second.
+/// The mean light of black frames, in linear DN per second, for a camera with a curved response.
 fn curved_dark_rate(darks: &[RawFrame], linear: &Linear) -> MeasuredValue {
     let rates: Vec<f64> = darks
         .iter()
@@ -166,7 +166,7 @@ fn curved_dark_rate(darks: &[RawFrame], linear: &Linear) -> MeasuredValue {
     MeasuredValue::new(mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
 }
 
-/// The noise of a white photo at an average pixel, relative to its light.
+/// The noise of a white photo at a pixel with the mean light, relative to this light.
 fn white_noise(white: &RawFrame, linear: &Linear, gain: f64, read_noise: f64) -> f64 {
     let light = white.counts.iter().map(|&count| linear.of(count.into()).max(0.0)).sum::<f64>()
         / white.counts.len() as f64;
@@ -175,18 +175,18 @@ fn white_noise(white: &RawFrame, linear: &Linear, gain: f64, read_noise: f64) ->
 
 // The photon transfer curve: gain and read noise from pairs of equal frames.
 //
-// Two frames of one pattern at one exposure differ by noise alone. The variance of one frame is half of the variance of their difference:
-// `σ² = σ_read² + s/gain`, where `s` is the signal in linear DN above black, and the gain is in electrons per DN. This is a line over `s`
-// (Janesick, *Photon Transfer*, 2007; EMVA 1288, section 6). The known variance of rounding to counts, 1/12, is subtracted, because the
-// noise model of [`crate::measure`] adds it as a separate term.
+// Two frames of one pattern at one exposure differ only by noise. The variance of one frame is half of the variance of their difference. It
+// is `σ² = σ_read² + s/gain`, where `σ_read` is the read noise, `s` is the signal in linear DN above black, and the gain is in electrons
+// per DN. The variance is thus a linear function of `s` (Janesick, *Photon Transfer*, 2007; EMVA 1288, section 6). The known variance of
+// rounding to counts, 1/12, is subtracted, because the noise model of [`crate::measure`] adds it as a separate term.
 
-/// A response is flat when its slope is below this, in linear DN per count.
+/// A response is flat where its slope is less than this, in linear DN per count.
 const FLAT: f64 = 0.2;
 
 /// The variance of rounding, in squared counts.
 const ROUNDING: f64 = 1.0 / 12.0;
 
-/// The number of bins by signal into which the pixels of a pair of frames are sorted.
+/// The number of bins into which the pixels of a pair of frames are sorted by signal.
 const BINS: usize = 12;
 
 /// The noise of a camera: gain in electrons per linear DN, and read noise in DN.
@@ -205,13 +205,13 @@ struct Point {
     samples: f64,
 }
 
-/// Fits the line to pairs of frames. The darkest pair should be as dark as possible. Samples of at least `limit` are left out.
+/// Fits the photon transfer line to pairs of frames. One pair should be as dark as possible. Samples of at least `limit` are left out.
 /// Fails with [`Error::Numerical`] when all pairs have the same brightness.
 pub(crate) fn transfer(pairs: &[[RawFrame; 2]], linear: &Linear, limit: f64) -> Result<Transfer> {
     let points: Vec<Point> = pairs.iter().flat_map(|pair| bins(pair, linear, limit)).collect();
     let mut estimate = [1.0, 1.0];
     let mut solution = None;
-    // The error of a variance is proportional to the variance, so the weights depend on the fit. A few iterations converge.
+    // The standard error of a variance is proportional to the variance, so the weights depend on the fit. A few iterations converge.
     for _ in 0..6 {
         let mut normal = Normal::new(2);
         for point in &points {
@@ -252,12 +252,12 @@ fn bins(pair: &[RawFrame; 2], linear: &Linear, limit: f64) -> Vec<Point> {
     samples
         .chunks(size)
         .filter(|chunk| chunk.len() >= 32)
-        // Where the inverse response is flat, its slope is too uncertain to convert the noise.
+        // A flat inverse response has a slope that is too uncertain to convert the noise.
         .filter(|chunk| chunk.iter().all(|sample| sample.2 > FLAT * FLAT))
         .map(|chunk| {
             let count = chunk.len() as f64;
             let mean = |of: &dyn Fn(&(f64, f64, f64)) -> f64| chunk.iter().map(of).sum::<f64>() / count;
-            // The mean difference is a change of the light between the two frames. It is subtracted.
+            // The mean difference of the two frames is a change of the light. It is subtracted.
             let drift = mean(&|sample| sample.1);
             let squares: f64 = chunk.iter().map(|sample| (sample.1 - drift).powi(2)).sum();
             Point {
@@ -280,20 +280,20 @@ mod tests {
         let white = RawFrame {
             resolution: Resolution::new(2, 2),
             channels: 1,
-            // One pixel is below black. It counts as no light.
+            // The last pixel is below black. It is taken as zero light.
             counts: vec![410, 810, 1210, 5],
             exposure: 0.1,
             id: 1,
             started: 0.0,
         };
         let linear = Linear { black: 10.0, curve: None };
-        // The average is 600 DN. Four electrons per DN give a variance of 150 DN², and reading adds 11².
+        // The average is 600 DN. Four electrons per DN give a variance of 150 DN². The read noise of 11 DN adds 11² DN².
         let found = white_noise(&white, &linear, 4.0, 11.0);
         assert!((found - 271.0_f64.sqrt() / 600.0).abs() < 1e-12, "{found}");
     }
 
-    /// Two frames of 768 samples around `signal` that differ by `±2 d`, and on average by `drift`. Both are sorted into twelve bins of 64
-    /// samples, with a variance of `2 d² · 64 / 63`.
+    /// Two frames of 768 samples around `signal`. Their samples differ by `±2 d`, and on average by `drift`. The pair is sorted into twelve
+    /// bins of 64 samples each, with a variance of `2 d² · 64 / 63`.
     fn pair(signal: u16, d: u16, drift: u16) -> [RawFrame; 2] {
         let frame = |sign: bool| RawFrame {
             resolution: Resolution::new(32, 24),
@@ -308,7 +308,7 @@ mod tests {
         [frame(true), second]
     }
 
-    /// Signals of `10 (2 d² − 4)` have variances on a line, times 64/63. The line has a slope of 1/10 and crosses zero light at 4.
+    /// Signals of `10 (2 d² − 4)` have variances on a line of slope 1/10 with a variance of 4 without light, apart from the factor 64/63.
     #[test]
     fn gain_and_read_noise_are_the_slope_of_the_line_and_what_it_has_without_light() {
         let linear = Linear { black: 100.0, curve: None };
@@ -318,25 +318,25 @@ mod tests {
         // Rounding to counts is not read noise.
         let read = (4.0 * 64.0 / 63.0 - 1.0 / 12.0_f64).sqrt();
         assert!((found.read_noise.value / read - 1.0).abs() < 1e-9, "{:?}", found.read_noise);
-        // A change of the light by two counts between the frames is not noise. It moves the signal by one.
+        // The light changes by two counts between the frames. This change is not noise, and moves the signal by one count.
         let drifted = [2, 3, 4, 5].map(|d: u16| pair(99 + 10 * (2 * d * d - 4), d, 1));
         let found = transfer(&drifted, &linear, 4095.0).expect("four brightnesses");
         assert!((found.gain.value / (10.0 * 63.0 / 64.0) - 1.0).abs() < 1e-9, "{:?}", found.gain);
-        // The brightest pair has samples of at least the limit and is left out.
+        // The brightest pair has samples at or above the limit and is left out.
         let mut saturated = pairs.clone();
         saturated[3] = pair(100 + 460, 20, 0);
         let found = transfer(&saturated, &linear, 540.0).expect("three brightnesses");
         assert!((found.gain.value / (10.0 * 63.0 / 64.0) - 1.0).abs() < 1e-9, "{:?}", found.gain);
     }
 
-    /// A variance `v` of n samples has the error `v √(2/(n − 1))`. Two brightnesses determine the line and thus its errors.
+    /// A variance `v` of `n` samples has the standard error `v √(2/(n − 1))`. Two brightnesses determine the line and thus its errors.
     #[test]
     fn the_errors_are_those_of_a_line_through_variances_of_so_many_samples() {
         let linear = Linear { black: 100.0, curve: None };
         let pairs = [3, 5].map(|d: u16| pair(100 + 10 * (2 * d * d - 4), d, 0));
         let found = transfer(&pairs, &linear, 4095.0).expect("two brightnesses");
         let [low, high] = [3.0, 5.0].map(|d: f64| (10.0 * (2.0 * d * d - 4.0), 2.0 * d * d * 64.0 / 63.0));
-        // The squared error of each variance, from twelve bins.
+        // The squared standard error of each variance, averaged over twelve bins.
         let square = |(_, variance): (f64, f64)| variance * variance * 2.0 / 63.0 / 12.0;
         let apart = high.0 - low.0;
         let slope = (square(low) + square(high)).sqrt() / apart;
@@ -350,7 +350,7 @@ mod tests {
         );
     }
 
-    /// The curve rises by two linear DN per count below 600, and by a tenth from there on.
+    /// Below 600, the curve rises by two linear DN per count. From 600 on, it rises by a tenth.
     #[test]
     fn noise_is_converted_by_the_slope_of_the_response_and_not_used_where_it_is_flat() {
         let curve: Vec<f64> = (0..1024)

@@ -1,29 +1,30 @@
 //! The displacement of a photo relative to a known pattern, to fractions of a pixel.
 //!
-//! The photo at `x` shows the pattern at `x + d(x)`, where the displacement `d` is affine over the field. Gauss–Newton iteration finds it
-//! from both after the same blur (Lucas and Kanade, *An iterative image registration technique*, 1981), starting from the best whole-pixel
-//! shift.
+//! The photo at `x` shows the pattern at `x + d(x)`, where the displacement `d` is an affine function of `x`. Both are blurred equally.
+//! Gauss–Newton iteration then finds `d` (Lucas and Kanade, *An iterative image registration technique*, 1981), starting from the best
+//! whole-pixel shift.
 
 use super::least_squares::Normal;
 use crate::error::{Error, Result};
 use crate::image::{Blur, Resolution};
 
-/// The largest whole-pixel shift that is searched. In a small field, it is a quarter of the shorter side.
+/// The largest whole-pixel shift that is searched. In a small field, the limit is a quarter of the shorter side.
 const REACH: i32 = 8;
 
-/// The fit needs at least this many independent residuals per unknown. With fewer, only a shift is fitted.
+/// The fit of all unknowns needs at least this many independent residuals per unknown. With fewer residuals, only a shift is fitted.
 const EVIDENCE: f64 = 12.0;
 
-/// The shifted pattern must overlap at least this share of the photo.
+/// The shifted pattern must overlap at least this fraction of the photo.
 const COMMON: f64 = 0.5;
 
-/// This many pixels count as one independent residual, because the blur correlates neighbours. A Gaussian blur gives `4π σ²`.
+/// This many pixels count as one independent residual, because the blur correlates neighbouring pixels. A Gaussian blur of standard
+/// deviation `σ` gives `4π σ²`.
 const CORRELATED: f64 = 4.0 * std::f64::consts::PI * BLUR * BLUR;
 
-/// The largest number of iterations. A few suffice from the nearest whole pixel.
+/// The largest number of iterations. A few suffice, because the iteration starts from the best whole-pixel shift.
 const STEPS: usize = 12;
 
-/// The number of unknowns: offset and contrast of the photo, and six of `d` (two of the shift, four of rotation, scale and shear).
+/// The number of unknowns: two for offset and contrast of the photo, and six for `d` (two of the shift, four of rotation, scale and shear).
 const UNKNOWNS: usize = 8;
 
 /// The number of unknowns without rotation, scale and shear.
@@ -36,14 +37,14 @@ pub struct Displacement {
     pub off: f64,
     /// The standard error of `off`.
     pub error: f64,
-    /// The displacement at the centre, to the right and down.
+    /// The displacement at the centre, in projector pixels to the right and down.
     pub shift: [f64; 2],
-    /// The correlation of pattern and photo after the displacement is corrected. Equal pictures have 1.
+    /// The correlation of pattern and photo after the displacement is corrected. It is 1 for equal pictures.
     pub agreement: f64,
 }
 
-/// Measures the displacement of photos relative to their patterns. `pairs` are pairs of pattern and photo. Only `used` pixels count. Fails
-/// with [`Error::Numerical`] when the photos do not show the patterns.
+/// Measures the displacement of photos relative to their patterns. `pairs` holds pairs of pattern and photo. Only pixels that are `used`
+/// count. Fails with [`Error::Numerical`] when the photos do not show the patterns.
 pub(crate) fn displacement(
     size: Resolution,
     pairs: &[(Vec<f64>, Vec<f64>)],
@@ -76,7 +77,8 @@ pub(crate) fn displacement(
     Ok(Displacement { off, error, shift: d.at(centre), agreement: pictures.agreement(|at| d.at(at)) })
 }
 
-/// The affine displacement `d(x)`: two coefficients of the shift, then two per axis of the part that grows from the centre to the corners.
+/// The affine displacement `d(x)`. The first two coefficients are the shift. Two coefficients per axis describe the linear part, which
+/// grows from the centre to the corners.
 struct Affine {
     size: Resolution,
     by: [f64; 6],
@@ -95,7 +97,7 @@ impl Affine {
         [d[0] + d[2] * u + d[3] * v, d[1] + d[4] * u + d[5] * v]
     }
 
-    /// The standard error of the displacement along the axis where it is larger. `covariance` is the covariance of all unknowns.
+    /// The standard error of the displacement along the axis that has the larger error. `covariance` is the covariance of all unknowns.
     fn error(&self, at: [f64; 2], covariance: &[f64]) -> f64 {
         let [u, v] = self.relative(at);
         let variance = |first: usize| {
@@ -124,7 +126,7 @@ struct Point {
 }
 
 impl Pictures {
-    /// The correlation of the photos with the displaced patterns. It is −∞ when they overlap too little.
+    /// The correlation of the photos with the displaced patterns. It is −∞ when photos and patterns overlap too little.
     fn agreement(&self, d: impl Fn([f64; 2]) -> [f64; 2]) -> f64 {
         let pair = |point: &Point| {
             let [right, down] = d(point.at);
@@ -170,7 +172,7 @@ impl Pictures {
             for (number, entry) in found.covariance.iter().enumerate() {
                 covariance[number / unknowns * UNKNOWNS + number % unknowns] = entry * scale;
             }
-            // The gradients are valid within one pixel only.
+            // The gradients are valid only within one pixel.
             let step: Vec<f64> =
                 found.values[2..].iter().map(|value| (value / amplitude).clamp(-1.0, 1.0)).collect();
             d.by.iter_mut().zip(&step).for_each(|(d, step)| *d += step);
@@ -200,13 +202,13 @@ fn unseen() -> Error {
     )
 }
 
-/// The standard deviation of the narrow blur, in pixels. This blur makes edges so wide that the iteration sees them from a pixel away.
+/// The standard deviation of the narrow blur, in pixels. It widens edges so much that the iteration converges from a pixel away.
 pub(crate) const BLUR: f64 = 1.2;
 
-/// The standard deviation of the wide blur, in pixels. Global light varies more slowly than this width.
+/// The standard deviation of the wide blur, in pixels. Global light varies over longer distances than this.
 const SLOW: f64 = 3.0;
 
-/// The band-pass of a picture: the difference of a narrow and a wide blur. Only `used` pixels count. It is `None` when a blur has no width.
+/// The band-pass of a picture: the difference of a narrow and a wide blur of the `used` pixels. It is `None` when a blur has no width.
 pub(crate) fn band(size: Resolution, picture: &[f64], used: &[bool]) -> Option<Vec<f64>> {
     let of_used = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
         (0..size.pixels()).map(|pixel| if used[pixel] { of(pixel) } else { 0.0 }).collect()
@@ -215,13 +217,13 @@ pub(crate) fn band(size: Resolution, picture: &[f64], used: &[bool]) -> Option<V
     let [fine, slow] = [BLUR, SLOW].map(|deviation| {
         let blur = Blur::new(size, deviation)?;
         let pairs = blur.apply(&values).into_iter().zip(blur.apply(&weights));
-        // The weight is 0 far from all used pixels. The value does not matter there.
+        // The weight is 0 far from all used pixels. The quotient is not used there.
         Some(pairs.map(|(sum, weight)| sum / weight.max(1e-6)).collect::<Vec<f64>>())
     });
     Some(fine?.iter().zip(slow?).map(|(fine, slow)| fine - slow).collect())
 }
 
-/// The value of a picture at a point (bilinear), in pixels from the centre of the first pixel. It is `None` outside the picture.
+/// The bilinear value of a picture at a point, in pixels from the centre of the first pixel. It is `None` outside the picture.
 pub(crate) fn value(picture: &[f64], size: Resolution, [x, y]: [f64; 2]) -> Option<f64> {
     let inside = x >= 0.0 && y >= 0.0 && x <= size.width as f64 - 1.0 && y <= size.height as f64 - 1.0;
     if !inside {
@@ -238,7 +240,7 @@ pub(crate) fn value(picture: &[f64], size: Resolution, [x, y]: [f64; 2]) -> Opti
     Some(upper + down * (lower - upper))
 }
 
-/// Pearson's correlation. It is −∞ when one of the two is constant.
+/// Pearson's correlation. It is −∞ when one of the two variables is constant.
 pub(crate) fn correlation(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
     let (mut n, mut a, mut b, mut aa, mut bb, mut ab) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (x, y) in pairs {
@@ -259,14 +261,14 @@ mod tests {
 
     const SIZE: Resolution = Resolution { width: 64, height: 48 };
 
-    /// Squares of four pixels that are bright or dark by a hash of their place.
+    /// Squares of four pixels that are bright or dark, depending on a hash of their position.
     fn squares() -> Vec<f64> {
         let bit = |x: usize, y: usize| ((x * 7919 + y * 104_729 + x * y * 31) / 7).is_multiple_of(2);
         let light = |pixel: usize| bit(pixel % SIZE.width / 4, pixel / SIZE.width / 4);
         (0..SIZE.pixels()).map(|pixel| if light(pixel) { 1.0 } else { -1.0 }).collect()
     }
 
-    /// The photo of the pattern, resampled by a map that is off by `d`.
+    /// The photo of the pattern, resampled by a map whose error is `d`.
     fn seen(d: impl Fn([f64; 2]) -> [f64; 2]) -> (Vec<f64>, Vec<bool>) {
         let pattern = squares();
         let looks = |pixel: usize| {
@@ -275,7 +277,7 @@ mod tests {
             value(&pattern, SIZE, [at[0] + right, at[1] + down])
         };
         let values: Vec<Option<f64>> = (0..SIZE.pixels()).map(looks).collect();
-        // The contrast is halved, as by global light. Pixels outside the pattern are dark.
+        // Global light halves the contrast. Pixels outside the pattern are dark.
         (
             values.iter().map(|value| 0.1 + 0.5 * value.unwrap_or(0.0)).collect(),
             values.iter().map(Option::is_some).collect(),
@@ -297,14 +299,14 @@ mod tests {
     fn a_shift_is_found_to_a_twentieth_of_a_pixel() {
         for shift in [[0.3, -0.2], [-5.6, 3.4], [0.05, 0.0]] {
             let found = found(|_| shift);
-            // Interpolation between pixels blurs differently from a Gaussian, which leaves this error.
+            // Bilinear interpolation blurs differently from a Gaussian. The difference causes this error.
             let off = (found.shift[0] - shift[0]).hypot(found.shift[1] - shift[1]);
             assert!(off < 0.05, "{shift:?}: {found:?}");
             assert!((found.off - shift[0].hypot(shift[1])).abs() < 0.1, "{found:?}");
         }
     }
 
-    /// The error along one axis is the error of `d₀ + d₂ u + d₃ v` at the coordinates `(u, v)` of the point.
+    /// The standard error along one axis is the error of `d₀ + d₂ u + d₃ v` at the coordinates `(u, v)` of the point.
     #[test]
     fn the_error_of_a_displacement_follows_from_the_covariance_of_its_coefficients() {
         let d = Affine { size: SIZE, by: [0.0; 6] };
@@ -324,7 +326,7 @@ mod tests {
         }
         let expected = 4.0 + 9.0 * u * u + 16.0 * v * v + 2.0 * (1.0 * u - 2.0 * v + 0.5 * u * v);
         assert!((d.error(at, &covariance) - expected.sqrt()).abs() < 1e-12);
-        // The second axis, unknowns 3, 6 and 7, counts where its error is larger.
+        // The second axis (unknowns 3, 6 and 7) determines the result when its error is larger.
         covariance[3 * UNKNOWNS + 3] = 400.0;
         assert!((d.error(at, &covariance) - 20.0).abs() < 1e-12);
     }
@@ -346,7 +348,7 @@ mod tests {
         let mean = off.iter().map(|off| off.0).sum::<f64>() / 40.0;
         let spread = (off.iter().map(|off| (off.0 - mean).powi(2)).sum::<f64>() / 39.0).sqrt();
         let stated = off.iter().map(|off| off.1).sum::<f64>() / 40.0;
-        // The stated error is for the corner, with correlated neighbours. It may be several times the scatter, but not smaller.
+        // The stated error is for the corner, and allows for correlation. It may be several times the scatter, but not smaller.
         assert!(stated > 0.8 * spread && stated < 20.0 * spread, "{stated} {spread}");
     }
 

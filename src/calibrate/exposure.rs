@@ -7,16 +7,16 @@ use crate::error::{Error, Result};
 use crate::image::percentile;
 use crate::rig::Frame;
 
-/// The bright pixels should reach this share of the range.
+/// The exposure is chosen so that bright pixels reach this fraction of the camera's range.
 const FILL: f64 = 0.7;
 
-/// Bright pixels are at this quantile. The pixels above it are highlights.
+/// The quantile of the counts that stands for bright pixels. The pixels above it are regarded as highlights.
 const BRIGHT: f64 = 0.98;
 
-/// How well the camera's exposures suit a white frame.
+/// Whether the camera has an exposure that suits a white frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhiteExposure {
-    /// White fills about 70 % of the camera's range, or comes as near to that as its exposures allow.
+    /// White fills about 70 % of the camera's range, or as nearly as the camera's exposures allow.
     Filled,
     /// White saturates the camera even at the shortest exposure.
     TooBright,
@@ -25,7 +25,7 @@ pub enum WhiteExposure {
 }
 
 impl WhiteExposure {
-    /// The fault of `exposure`, in seconds, and its remedy. It is `None` when the exposure suits white.
+    /// Describes the fault of `exposure` (in seconds) and its remedy. Returns `None` when the exposure suits white.
     pub fn warning(self, exposure: f64) -> Option<String> {
         match self {
             Self::Filled => None,
@@ -39,9 +39,9 @@ impl WhiteExposure {
     }
 }
 
-/// The exposure in seconds at which the 98th percentile of the photo of `frame` is about 70 % of the camera's range. It is the longest
-/// exposure when that is too short. Fails with [`Error::Saturated`] when even the shortest exposure saturates, and with [`Error::Rig`] when
-/// the longest exposure shows nothing.
+/// Finds the exposure in seconds at which the 98th percentile of the photo of `frame` is about 70 % of the camera's range. If no exposure
+/// is long enough, the longest exposure is returned. Fails with [`Error::Saturated`] when even the shortest exposure saturates, and with
+/// [`Error::Rig`] when the frame is not seen at the longest exposure.
 pub(crate) fn fill(session: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> Result<f64> {
     match search(session, frame)? {
         (exposure, WhiteExposure::Filled) => Ok(exposure),
@@ -50,7 +50,7 @@ pub(crate) fn fill(session: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> 
     }
 }
 
-/// The exposure in seconds at which `frame` fills the range best, and whether it suits the frame.
+/// Finds the exposure in seconds at which `frame` fills the camera's range best, and assesses how well this exposure suits the frame.
 pub(crate) fn search(
     session: &mut CalibrationSession<'_>,
     frame: &Arc<Frame>,
@@ -72,7 +72,7 @@ pub(crate) fn search(
         if (bright - target).abs() < 0.1 * (full - floor) {
             return Ok((raw.exposure, WhiteExposure::Filled));
         }
-        // A saturated photo shows only that the exposure was much too long. A full well may saturate below the largest count.
+        // A saturated photo shows only that the exposure was much too long. The camera's full well may saturate below the largest count.
         let factor = if bright > floor + 0.9 * (full - floor) {
             0.2
         } else {
@@ -90,7 +90,7 @@ pub(crate) fn search(
         }
         exposure = next;
     }
-    // The well is full below the target, so bright pixels cannot reach the target.
+    // The full well of the camera is reached below the target, so bright pixels cannot reach the target.
     Ok((exposure, WhiteExposure::Filled))
 }
 
@@ -109,14 +109,14 @@ fn unseen(exposure: f64) -> Error {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plateau {
     pub(crate) count: f64,
-    /// Whether samples reached the plateau. Otherwise the light did not suffice, and `count` is the largest possible count.
+    /// Whether samples reached the plateau. Otherwise the photo was not bright enough, and `count` is the largest possible count.
     pub(crate) reached: bool,
     /// Counts of at least this value may be saturated.
     pub(crate) limit: f64,
 }
 
-/// Measures the plateau by overexposing `frame` eightfold. Samples above a third of the range at `exposure` seconds should then reach
-/// almost three times the range.
+/// Measures the plateau by an exposure of `frame` eight times as long as `exposure` (in seconds). Samples above a third of the range at
+/// `exposure` should then reach almost three times the range.
 pub(crate) fn plateau(
     session: &mut CalibrationSession<'_>,
     frame: &Arc<Frame>,
@@ -147,8 +147,8 @@ pub(crate) fn plateau(
     Ok(Plateau { count, reached: true, limit: low.min(count - 2.0 * (count - low)) })
 }
 
-/// Samples of at least this count are regarded as saturated. It lies `margin` standard deviations of `noise` below the plateau. A sample
-/// whose mean is on the plateau is thus recognized in spite of its noise.
+/// Computes the count from which samples are regarded as saturated. This count lies `margin` standard deviations of `noise` below the
+/// plateau, so that a sample whose mean is on the plateau is recognized in spite of its noise.
 pub(crate) fn limit(plateau: &Plateau, noise: f64, margin: f64) -> f64 {
     (plateau.count - margin * noise).min(plateau.limit).floor()
 }
@@ -160,8 +160,9 @@ mod tests {
     use crate::measure::CaptureRequest;
     use crate::measure::simulated::Simulated;
 
-    /// The plateau of a hundred pixels with this light, in counts per second above 10, and all exposures that were tried. The camera has
-    /// 1023 counts. The bright pixels shall have 10 + 0.7 · 1013 = 719 counts, within 101.
+    /// Searches the exposure for a hundred pixels. The function `light` gives the light of a pixel, in counts per second above the black
+    /// level of 10. Returns the exposure, the outcome and all exposures that were tried. The largest count is 1023. The target for bright
+    /// pixels is 10 + 0.7 · 1013 = 719 counts, within 101.
     fn found(light: impl Fn(usize) -> f64 + Send) -> (f64, WhiteExposure, Vec<f64>) {
         let photo = move |request: &CaptureRequest, _| {
             let is_white = request.frame.levels()[0] > 0;
@@ -178,7 +179,7 @@ mod tests {
         (exposure, outcome, asked[1..].to_vec())
     }
 
-    /// Whether values are equal up to the rounding of some thirty counts.
+    /// Whether the values agree within 2 %, which is the rounding error of some thirty counts.
     fn near(found: &[f64], expected: &[f64]) -> bool {
         found.len() == expected.len() && found.iter().zip(expected).all(|(f, e)| (f / e - 1.0).abs() < 0.02)
     }
@@ -187,13 +188,13 @@ mod tests {
     fn the_exposure_goes_in_proportion_to_where_bright_pixels_have_seven_tenths_of_the_range() {
         let start = 0.1_f64.sqrt();
         for (light, expected) in [
-            // 619 and 819 counts are near enough at once.
+            // Bright pixels with 619 and 819 counts are accepted at the first exposure.
             (1950.0, &[start][..]),
             (2530.0, &[start]),
             (1890.0, &[start, 709.0 / 1890.0]),
             (2750.0, &[start, 709.0 / 2750.0]),
             (100.0, &[start, 7.09]),
-            // Above 922 counts, nine tenths of the range, the photo may be saturated. The exposure is divided by five, then scaled.
+            // Above 922 counts (nine tenths of the range), the photo may be saturated. The exposure is divided by five, then scaled.
             (2950.0, &[start, start / 5.0, 709.0 / 2950.0]),
             (7e4, &[start, start / 5.0, start / 25.0, 709.0 / 7e4]),
         ] {
@@ -213,7 +214,7 @@ mod tests {
     fn light_beyond_the_cameras_exposures_is_too_bright_or_too_dark() {
         let (exposure, outcome, _) = found(|_| 1e8);
         assert_eq!((exposure, outcome), (1e-3, WhiteExposure::TooBright));
-        // A hundredth of the range at the longest exposure is dimly seen.
+        // White is seen if it has a hundredth of the range at the longest exposure.
         for (light, expected) in
             [(0.0, WhiteExposure::TooDark), (0.09, WhiteExposure::TooDark), (0.12, WhiteExposure::Filled)]
         {
@@ -231,8 +232,8 @@ mod tests {
         assert!(warning(WhiteExposure::TooDark).contains("hardly seen even at 0.25 s"));
     }
 
-    /// The plateau of a hundred pixels, each with its light in counts per second above 10 and its full well. The camera has 1023 counts and
-    /// this longest exposure. White is exposed for one second.
+    /// Measures the plateau for a hundred pixels. The function `of` gives the light (in counts per second) and the full well of a pixel.
+    /// The camera has a largest count of 1023 and the given longest exposure. White is exposed for one second.
     fn found_of_saturation(longest: f64, of: impl Fn(usize) -> [f64; 2] + Send) -> Plateau {
         let photo =
             move |request: &CaptureRequest, _| (0..100).map(of_pixel(request.exposure, &of)).collect();
@@ -257,14 +258,14 @@ mod tests {
     fn a_well_that_is_full_below_the_largest_count_is_found() {
         let even = Plateau { count: 900.0, reached: true, limit: 900.0 };
         assert_eq!(found_of_saturation(100.0, |_| [700.0, 900.0]), even);
-        // Pixels below a third of the range, 344 counts, need not reach the plateau: 8 · 33 would not.
+        // Pixels below a third of the range (344 counts) need not reach the plateau. Eight times 33 counts would not reach it.
         assert_eq!(found_of_saturation(100.0, |pixel| [if pixel < 50 { 33.0 } else { 700.0 }, 900.0]), even);
-        // Three of a hundred pixels are full ten counts earlier, so the limit is twice as far below the plateau.
+        // Three of a hundred pixels saturate ten counts lower, so the limit is twice as far below the plateau.
         let uneven = |less: f64| {
             found_of_saturation(100.0, move |pixel| [700.0, if pixel < 3 { 900.0 - less } else { 900.0 }])
         };
         assert_eq!(uneven(10.0), Plateau { limit: 880.0, ..even });
-        // A fiftieth of the range, twenty counts, still counts as flat.
+        // A spread of a fiftieth of the range (twenty counts) still counts as flat.
         assert_eq!(uneven(20.0), Plateau { limit: 860.0, ..even });
         assert_eq!(uneven(21.0), UNREACHED);
     }

@@ -1,17 +1,20 @@
 //! The brightness of the projector relative to the camera's, by the symmetry of the light transport.
 //!
-//! A coaxial rig with the vignetting `p` of its projector and `c` of its camera has the matrix `M = diag(c) A diag(p)` with a symmetric
-//! `A`. So `diag(q) M` is symmetric for `q = p / c`. The photos `y_j = M x_j` of smooth patterns then satisfy
+//! In a coaxial rig, let `p` be the vignetting of the projector and `c` that of the camera. The transport matrix is then `M = diag(c) A
+//! diag(p)` with a symmetric `A`. So `diag(q) M` is symmetric for the ratio `q = p / c`. The photos `y_j = M x_j` of smooth patterns `x_j`
+//! then satisfy
 //!
 //! ```text
 //! Σ_i q_i (x_j(i) y_k(i) − x_k(i) y_j(i)) = 0        for each pair of patterns j, k
 //! ```
 //!
-//! With `q = 1 + Σ a_l φ_l` for a few polynomials `φ_l`, these are linear equations for `a`. Direct light cancels in them, so the equations
-//! are informative only where distant pixels exchange light. Elsewhere the expectation that `a` is small takes `q` as 1.
+//! With `q = 1 + Σ a_l φ_l` for a few polynomials `φ_l`, these are linear equations for the coefficients `a`. Direct light cancels in the
+//! equations, so they are informative only where distant pixels exchange light. Otherwise the prior, which expects small `a`, sets `q` to
+//! 1.
 //!
-//! Most light is direct, so it must cancel well. The camera's pixels shift and spread it by the matrix `S`. On the left, `x_j` is therefore
-//! replaced by `w_j` with `Sᵀ w_j = x_j`. The shift by an error of the pixel map counts as an error of the equation.
+//! Most light is direct, so it must cancel precisely. The camera's pixels shift and spread the direct light by the matrix `S`. On the left
+//! side of the equation, `x_j` is therefore replaced by `w_j` with `Sᵀ w_j = x_j`. The shift due to an error of the pixel map is included
+//! in the standard error of the equation.
 
 use super::MeasuredValue;
 use super::least_squares::Normal;
@@ -23,22 +26,22 @@ use crate::measure::spread::PixelSpread;
 use crate::measure::{DitherBy, FlatField, Measurement, Registration};
 use crate::transport::Part;
 
-/// Half periods of the patterns along both axes. The first pattern is white.
+/// The number of half periods of each pattern along both axes. The first pattern is white.
 const WAVES: [[u32; 2]; 11] =
     [[0, 0], [1, 0], [0, 1], [1, 1], [2, 0], [0, 2], [2, 1], [1, 2], [2, 2], [3, 0], [0, 3]];
 
 const TERMS: usize = 6;
 
-/// The standard deviation of the coefficients that is expected before any measurement. Vignetting darkens corners by 0.1 to 0.3.
+/// The prior standard deviation of the coefficients. Vignetting darkens corners by 0.1 to 0.3.
 const EXPECTED: f64 = 0.2;
 
-/// The error of the responses, as a share of the light of an equation.
+/// The error of the responses, as a fraction of the light that enters an equation.
 const RESPONSE_ERROR: f64 = 5e-4;
 
 pub(crate) struct BrightnessRatio {
     /// The ratio at each of the projector's pixels.
     pub(crate) values: Vec<f64>,
-    /// The darkest pixel relative to the brightest, with its error.
+    /// The smallest ratio divided by the largest, with its standard error.
     pub(crate) range: MeasuredValue,
 }
 
@@ -67,7 +70,7 @@ pub(crate) fn ratio(
         let pairs = (0..TERMS * TERMS).map(|at| (at / TERMS, at % TERMS));
         pairs.map(|(i, j)| terms[i] * terms[j] * solution.covariance[i * TERMS + j]).sum::<f64>().sqrt()
     };
-    // Every device is at least a twentieth as bright as its centre where it is seen at all.
+    // A smaller ratio is implausible: each device is at least a twentieth as bright at all visible pixels as at its centre.
     let values: Vec<f64> = terms.iter().map(|terms| (1.0 + at(terms)).max(0.05)).collect();
     let [least, most] =
         [f64::min, f64::max].map(|choose| values.iter().copied().reduce(choose).unwrap_or(1.0));
@@ -77,9 +80,9 @@ pub(crate) fn ratio(
 
 /// Photos of the patterns, resampled to the projector's pixels.
 struct Photos {
-    /// The patterns before the camera's pixels spread them.
+    /// The patterns `w_j`, before the spread by the camera's pixels.
     before: Vec<Vec<f64>>,
-    /// The length of each pattern's gradient, per pixel.
+    /// The length of the gradient of each pattern, per pixel.
     slopes: Vec<Vec<f64>>,
     /// The standard error of the pixel map, in projector pixels.
     map_error: f64,
@@ -203,21 +206,22 @@ pub(crate) fn centred(pixel: usize, size: Resolution) -> [f64; 2] {
     [at(pixel % size.width, size.width), at(pixel / size.width, size.height)]
 }
 
-/// The polynomials at a pixel: tilts, and terms that grow towards the edges.
+/// The values of the polynomials `φ_l` at a pixel: tilts, and terms that grow towards the edges.
 fn polynomials(pixel: usize, size: Resolution) -> [f64; TERMS] {
     let [x, y] = centred(pixel, size);
     let square = 0.5 * (x * x + y * y);
     [x, y, x * y, 0.5 * (x * x - y * y), square, square * square]
 }
 
-/// The highest power of a coordinate in the polynomial that describes the sheet's photo.
+/// The highest power of a coordinate in the polynomial that is fitted to the sheet's photo.
 const DEGREE: usize = 6;
 
-/// The photo of an even sheet departs from the polynomial by at most this share of its light, root mean square.
+/// The largest residual of the polynomial fit to the photo of an even sheet: root mean square, as a fraction of the light.
 const EVEN: f64 = 0.05;
 
 /// Computes the brightness of both devices from a photo of a sheet under white. The sheet is matte, has one colour, fills the view and
-/// stands square to the camera. `measurement` must not correct any uneven brightness. `known` is the factor between projector and camera.
+/// stands square to the camera. `measurement` must not correct uneven brightness. `known` gives the projector's brightness relative to the
+/// camera's.
 ///
 /// # Errors
 /// [`Error::Rig`] when the photo does not show an even sheet, and the errors of taking the photo.
@@ -243,13 +247,13 @@ pub fn flat_field_of_sheet(measurement: &mut Measurement, known: &FlatField) -> 
     known.with_sheet(&smooth)
 }
 
-/// Fits a polynomial in both coordinates to the pixels that are `seen`, and evaluates it at every pixel.
+/// Fits a polynomial in both coordinates to the pixels that are `seen`, and evaluates the polynomial at every pixel.
 fn polynomial(light: &[f64], seen: &[bool], size: Resolution) -> Result<Vec<f64>> {
     let powers: Vec<(i32, i32)> =
         (0..=DEGREE as i32).flat_map(|x| (0..=DEGREE as i32 - x).map(move |y| (x, y))).collect();
     let terms = |pixel: usize| -> Vec<f64> {
         let [x, y] = centred(pixel, size);
-        // Chebyshev polynomials are far less alike than powers.
+        // Chebyshev polynomials are used, because powers would be nearly linearly dependent.
         let wave = |x: f64, power: i32| (f64::from(power) * x.acos()).cos();
         powers.iter().map(|&(i, j)| wave(x, i) * wave(y, j)).collect()
     };
@@ -272,7 +276,7 @@ mod tests {
         assert_eq!([0, 3, 6].map(|pixel| centred(pixel, size)), [[-0.75, -0.5], [0.75, -0.5], [0.25, 0.5]]);
         let expected = [-0.75, -0.5, 0.375, 0.5 * (0.5625 - 0.25), 0.40625, 0.40625 * 0.40625];
         assert_eq!(polynomials(0, size), expected);
-        // Half periods count from the left and from the top. The value is 1 at the edge and 0.5 in the middle of one half period.
+        // Half periods are counted from the left and from the top. One half period has the value 1 at the edge and 0.5 in the middle.
         let near =
             |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         near(smooth([0.3, -0.2], [0, 0]), 1.0);
@@ -290,7 +294,7 @@ mod tests {
         assert_eq!(unspread(&[1.0, 2.0], None), [1.0, 2.0]);
     }
 
-    /// The expectation that all terms are small meets one equation. The terms follow its row, by the weight of the equation.
+    /// The prior (all terms are small) is combined with one equation. The terms are then proportional to the equation's row.
     #[test]
     fn an_equation_is_weighed_by_noise_response_and_map() {
         let photos = Photos {
@@ -316,7 +320,7 @@ mod tests {
         let along = -weight * (first + second) / (4.0 + weight * square);
         let found = normal.solve().expect("the expectation determines every term").values;
         for (found, entry) in found.iter().zip(row) {
-            // A Cholesky factorization of six unknowns leaves this error.
+            // The tolerance allows for the rounding of a Cholesky factorization with six unknowns.
             assert!((found - along * entry).abs() < 1e-12, "{found} {}", along * entry);
         }
     }

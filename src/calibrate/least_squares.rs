@@ -1,6 +1,6 @@
-//! Weighted linear least squares of a few unknowns, covariances of residuals with shared errors in groups, and isotonic regression.
+//! Weighted linear least squares for a few unknowns, cluster-robust covariances, and isotonic regression.
 //!
-//! The rows are summed up as normal equations, because a fit can have a row per camera pixel. A QR factorization would hold all rows.
+//! The rows are summed up as normal equations, because a fit can have one row per camera pixel, and a QR factorization would hold all rows.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use faer::{Col, Mat, Side};
 use crate::error::{Error, Result};
 use crate::measure::lens_map::PARAMETERS;
 
-/// A smaller pivot of the scaled matrix is only rounding.
+/// A smaller pivot of the scaled matrix is attributed to rounding.
 const SMALLEST_PIVOT: f64 = 1e-13;
 
 /// The normal equations `Σ w a aᵀ x = Σ w a y` of rows `aᵀ x ≈ y` with weights `w = 1/σ²`.
@@ -25,7 +25,7 @@ pub(crate) struct Normal {
 #[derive(Clone, Debug)]
 pub(crate) struct Solution {
     pub(crate) values: Vec<f64>,
-    /// `(Σ w a aᵀ)⁻¹`, row by row. It is the covariance if the weights were `1/σ²`.
+    /// `(Σ w a aᵀ)⁻¹`, row by row. This is the covariance of the unknowns if the weights were `1/σ²`.
     pub(crate) covariance: Vec<f64>,
 }
 
@@ -56,15 +56,15 @@ impl Normal {
         self.add(&row, value, weight);
     }
 
-    /// Enlarges every diagonal entry by this share (Levenberg–Marquardt damping).
+    /// Multiplies every diagonal entry by `1 + share` (Levenberg–Marquardt damping).
     pub(crate) fn damped(&self, share: f64) -> Self {
         let mut damped = self.clone();
         (0..self.unknowns).for_each(|i| damped.matrix[i * self.unknowns + i] *= 1.0 + share);
         damped
     }
 
-    /// Solves by Cholesky factorization of the matrix, scaled to a diagonal of ones.
-    /// Fails with [`Error::Numerical`] when the rows do not determine every unknown.
+    /// Solves the equations by Cholesky factorization, after the matrix is scaled to a diagonal of ones. Fails with [`Error::Numerical`]
+    /// when the rows do not determine every unknown.
     pub(crate) fn solve(&self) -> Result<Solution> {
         let n = self.unknowns;
         let undetermined = |unknown: usize| {
@@ -90,17 +90,17 @@ impl Normal {
     }
 }
 
-/// Equations about the parameters of a lens map that have one weight: `slopes · step ≈ residuals`.
+/// Equations `slopes · step ≈ residuals` for a step of the lens map's parameters. All equations have the same weight.
 #[derive(Clone, Copy)]
 pub(crate) struct Equations<const N: usize> {
     pub(crate) residuals: [f64; N],
-    /// The derivatives with respect to the parameters.
+    /// The derivatives of the model with respect to the parameters.
     pub(crate) slopes: [[f64; PARAMETERS]; N],
     pub(crate) weight: f64,
 }
 
 impl<const N: usize> Equations<N> {
-    /// Adds the equations to those of a Gauss–Newton step.
+    /// Adds the equations to the normal equations of a Gauss–Newton step.
     pub(crate) fn add_to(&self, normal: &mut Normal) {
         if self.weight > 0.0 {
             let rows = self.slopes.iter().zip(&self.residuals);
@@ -109,7 +109,7 @@ impl<const N: usize> Equations<N> {
     }
 }
 
-/// The ascending sequence that is nearest to `values` in the weighted mean square (pool-adjacent-violators algorithm).
+/// Computes the ascending sequence that is nearest to `values` in the weighted mean square (pool-adjacent-violators algorithm).
 pub(crate) fn ascending(values: &[f64], weights: &[f64]) -> Vec<f64> {
     let mut pools: Vec<(f64, f64, usize)> = Vec::new();
     for (&value, &weight) in values.iter().zip(weights) {
@@ -127,18 +127,19 @@ pub(crate) fn ascending(values: &[f64], weights: &[f64]) -> Vec<f64> {
     pools.iter().flat_map(|&(value, _, length)| std::iter::repeat_n(value, length)).collect()
 }
 
-/// The gradients of all residuals, summed by group. A group is one column or row of the projector's pixels.
+/// The gradients of the residuals, summed by group. Each group is one column or row of the projector's pixels.
 #[derive(Default)]
 pub(crate) struct Clusters(BTreeMap<(usize, u64), [f64; PARAMETERS]>);
 
 impl Clusters {
-    /// Adds a residual, with its derivatives with respect to the parameters, to the group of this axis and key.
+    /// Adds a residual to a group, with its derivatives with respect to the parameters. `group` is the axis, and the column or row.
     pub(crate) fn add(&mut self, group: (usize, u64), slopes: &[f64; PARAMETERS], weighted_residual: f64) {
         let pull = self.0.entry(group).or_insert([0.0; PARAMETERS]);
         pull.iter_mut().zip(slopes).for_each(|(pull, slope)| *pull += weighted_residual * slope);
     }
 
-    /// The covariance of the parameters, row by row: the squares of the shifts by each group. `inverse` inverts the normal matrix.
+    /// Computes the covariance of the parameters, row by row. Each group shifts the parameters, and the squares of these shifts are summed.
+    /// `inverse` is the inverse of the normal matrix.
     pub(crate) fn covariance(&self, inverse: &[f64]) -> Vec<f64> {
         let mut covariance = vec![0.0; PARAMETERS * PARAMETERS];
         for pull in self.0.values() {
@@ -179,7 +180,7 @@ mod tests {
         // Each point has σ = ½ and Σ(x − x̄)² = 10, so the slope's variance is σ²/10.
         assert!((line.error(1) - (0.25_f64 / 10.0).sqrt()).abs() < 1e-12);
         assert!((line.error(0) - (0.25_f64 * (0.2 + 4.0 / 10.0)).sqrt()).abs() < 1e-12);
-        // The covariance of the two is −x̄ σ²/10, on both sides of the diagonal.
+        // The covariance of the two unknowns is −x̄ σ²/10, on both sides of the diagonal.
         let [a, b, c, d] = line.covariance[..] else { unreachable!("two unknowns") };
         assert!((a - 0.15).abs() < 1e-12 && (d - 0.025).abs() < 1e-12, "{a} {d}");
         assert!((b + 0.05).abs() < 1e-12 && (c + 0.05).abs() < 1e-12, "{b} {c}");
@@ -209,7 +210,7 @@ mod tests {
             together.add((0, 7), &first, 0.5);
             apart.add((0, number), &first, 0.5);
         }
-        // (4 · ½)² and 4 · (½)².
+        // The two groups give (4 · ½)² if summed together, and 4 · (½)² if apart.
         assert_eq!(form(&together.covariance(&identity), &first), 4.0);
         assert_eq!(form(&apart.covariance(&identity), &first), 1.0);
     }

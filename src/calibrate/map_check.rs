@@ -1,7 +1,7 @@
-//! The check of a calibration's pixel map: how far the devices have moved since the calibration.
+//! The check of a calibration's pixel map, which shows how far the devices have moved since the calibration.
 //!
-//! Random squares are shown, photographed and resampled by the map. The value of projector pixel `x` is then the pattern at `x + d(x)`. The
-//! small displacement `d` is found by comparing the two.
+//! Random squares are shown, photographed and resampled by the map. The photo at projector pixel `x` then shows the pattern at `x + d(x)`.
+//! The small displacement `d` is found by comparing the photo with the pattern.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -13,22 +13,22 @@ use crate::error::Result;
 use crate::image::{Resolution, percentile};
 use crate::measure::{Calibration, FrameSource};
 
-/// The side of a square, in pixels. A small field has squares of half this side.
+/// The side of a square, in pixels. In a small field, the side is half as long.
 const SQUARE: usize = 4;
 
 /// A field is small when it has fewer pixels than this on a side.
 const SMALL: usize = 32;
 
-/// This many pixels, over all patterns, determine the displacement well.
+/// The number of pixels, over all patterns, that determine the displacement well.
 const PIXELS: usize = 2000;
 
-/// The largest number of patterns. A small field needs several to have enough pixels.
+/// The largest number of patterns. A small field needs several patterns to have enough pixels.
 const PATTERNS: usize = 8;
 
-/// A projector pixel with less than this share of the median light is not used.
+/// Projector pixels with less than this fraction of the median light are not used.
 const DARK: f64 = 0.1;
 
-/// Measures how far the pixel map of `known` is off. Photographs black, white and one pattern (several in a small field) at `exposure` s.
+/// Measures the displacement of the pixel map of `known`. Photographs black, white and a pattern (several in a small field) at `exposure` s.
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] when the photos do not show the pattern.
@@ -91,19 +91,19 @@ mod tests {
                     all += 1;
                 }
             }
-            // Two neighbours differ by chance, like tosses of a coin (at least 150). The bound is four standard deviations √(n/4).
+            // The changes between neighbouring squares are random (at least 150 coin tosses). The bound is four standard deviations √(n/4).
             let bound = 4.0 * (all as f64 / 4.0).sqrt();
             for changes in [across, down] {
                 assert!((changes as f64 - 0.5 * all as f64).abs() < bound, "{changes} of {all}");
             }
-            // Two rows are tossed independently.
+            // The squares of two rows are independent.
             let rows_alike = (0..size.height / side - 1)
                 .filter(|row| (0..size.width).all(|x| at(x, row * side) == at(x, (row + 1) * side)));
             assert_eq!(rows_alike.count(), 0);
         }
     }
 
-    /// The camera looks one pixel to the right of its map and half a pixel above it. It has an offset and a curved response.
+    /// The camera sees one pixel to the right of its map and half a pixel above it. It has an offset and a curved response.
     #[test]
     fn a_map_that_is_off_by_a_shift_is_found_through_black_and_response() {
         use crate::measure::CaptureRequest;
@@ -119,7 +119,7 @@ mod tests {
             let at = |x: usize, y: usize| f64::from(levels[y.min(47) * 64 + x.min(63)]) / 255.0;
             let light = |pixel: usize| {
                 let (x, y) = (pixel % 64, pixel / 64);
-                // Half a pixel up is the mean of two rows.
+                // The mean of two rows is a shift by half a pixel.
                 0.5 * (at(x + 1, y) + at(x + 1, y.saturating_sub(1)))
             };
             (0..64 * 48).map(|pixel| count(300.0 + 15_000.0 * light(pixel))).collect()
@@ -130,7 +130,7 @@ mod tests {
         let found = map_check(&mut frames, &known, 0.1).expect("the pattern is seen");
         let off = (found.shift[0] - 1.0).hypot(found.shift[1] + 0.5);
         assert!(off < 0.1 && found.agreement > 0.9, "{found:?}");
-        // An uncorrected response leaves the squares in place and changes their contrast.
+        // An uncorrected response changes the contrast of the squares, but not their position.
         known.camera.curve = None;
         let linear = map_check(&mut frames, &known, 0.1).expect("the pattern is seen");
         assert!(
@@ -146,7 +146,7 @@ mod tests {
         let same = |a: usize, b: usize| squares[a] == squares[b];
         assert!((0..4).all(|y| (0..4).all(|x| same(0, y * size.width + x))));
         let sum: f64 = squares.iter().sum();
-        // 192 squares of 16 pixels have a standard deviation of 16 × √192 pixels.
+        // The sum over 192 squares of 16 pixels has a standard deviation of 16 × √192 pixels.
         assert!(sum.abs() < 4.0 * 16.0 * 192.0_f64.sqrt(), "{sum}");
     }
 }

@@ -1,4 +1,4 @@
-//! A robust fit of the lens map to partly wrong correspondences: RANSAC, then Gauss–Newton iteration with Tukey's weights.
+//! A robust fit of the lens map to correspondences with outliers: RANSAC, then Gauss–Newton iteration with Tukey's weights.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -9,7 +9,7 @@ use crate::image::{Resolution, percentile};
 use crate::measure::lens_map::{LensMap, Match, PARAMETERS, evaluate, half_diagonal, normalized};
 use crate::measure::sight;
 
-/// The number of quadruples that RANSAC tries.
+/// The number of quadruples of correspondences that RANSAC tries.
 const TRIALS: usize = 400;
 
 /// A camera point and the projector point that it sees, both in normalized coordinates.
@@ -24,12 +24,12 @@ pub struct Fit {
     pub rms: f64,
     /// The standard error of the map itself, root mean square over the field, in projector pixels.
     pub error: f64,
-    /// The share of outliers among the correspondences.
+    /// The fraction of outliers among the correspondences.
     pub outliers: f64,
 }
 
-/// Fits the map to correspondences, some of which may be wrong. They are expected to be off by about `spread` projector pixels.
-/// Fails with [`Error::Rig`] when fewer than 24 of the correspondences agree on a map.
+/// Fits the map to correspondences with outliers. `spread` is the expected error of a correct correspondence, in projector pixels. Fails
+/// with [`Error::Rig`] when fewer than 24 of the correspondences agree on a map.
 pub(crate) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, spread: f64) -> Result<Fit> {
     let points: Vec<Point> = matches
         .iter()
@@ -45,7 +45,7 @@ pub(crate) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, 
     for _ in 0..8 {
         parameters = refine(&points, parameters, 3.0 * scale)?;
         let inside = distances(&points, &parameters).into_iter().filter(|&distance| distance < 4.0 * scale);
-        // The median of the distances of a two-dimensional Gaussian is 1.18 σ.
+        // The median distance is 1.18 σ for a two-dimensional Gaussian with standard deviation σ.
         let median = percentile(inside, 0.5) / 1.18;
         scale = median.max(1e-9 / unit);
     }
@@ -66,7 +66,7 @@ pub(crate) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, 
     })
 }
 
-/// The error for correspondences that no map fits. Only `count` points agree.
+/// The error when no map fits the correspondences: only `count` points agree on a map.
 pub(crate) fn no_map(count: usize, camera: Resolution, projector: Resolution) -> Error {
     let coarse = sight::too_few(camera, projector).map(|found| (format!(": {}", found.found), found.help));
     let (because, help) = coarse.unwrap_or_else(|| {
@@ -89,7 +89,7 @@ fn distances(points: &[Point], parameters: &[f64; PARAMETERS]) -> Vec<f64> {
     points.iter().map(distance).collect()
 }
 
-/// The homography of four correspondences that agrees with most of the others (RANSAC).
+/// Finds the homography of four correspondences that agrees with the largest number of points (RANSAC).
 fn first(points: &[Point], within: f64) -> Option<[f64; PARAMETERS]> {
     let mut random = Pcg64::seed_from_u64(0);
     let mut best: Option<(usize, [f64; PARAMETERS])> = None;
@@ -100,7 +100,7 @@ fn first(points: &[Point], within: f64) -> Option<[f64; PARAMETERS]> {
             normal.add_full(&[u, v, 1.0, 0.0, 0.0, 0.0, -x * u, -x * v], x, 1.0);
             normal.add_full(&[0.0, 0.0, 0.0, u, v, 1.0, -y * u, -y * v], y, 1.0);
         }
-        // Points on a line, or a point that was drawn twice, do not determine a homography.
+        // Collinear points, or a point that was drawn twice, do not determine a homography.
         let Ok(found) = normal.solve() else { continue };
         let mut parameters = [0.0; PARAMETERS];
         parameters[..8].copy_from_slice(&found.values);
@@ -117,7 +117,7 @@ pub(crate) fn weight(distance: f64, limit: f64) -> f64 {
     (1.0 - (distance / limit).powi(2)).max(0.0).powi(2)
 }
 
-/// The equations of a correspondence, one for each axis. The weight is 0 at distances of at least `limit`.
+/// The equations of a correspondence, one for each axis. If the distance from the map is at least `limit`, the weight is 0.
 fn equations(&(camera, projector): &Point, parameters: &[f64; PARAMETERS], limit: f64) -> Equations<2> {
     let (at, slopes) = evaluate(parameters, camera);
     let residuals = [projector[0] - at[0], projector[1] - at[1]];
@@ -130,7 +130,7 @@ fn normal_equations(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64
     normal
 }
 
-/// Takes a few Gauss–Newton steps. Points that are off by more than `limit` are left out.
+/// Takes a few Gauss–Newton steps. Points whose distance from the map is more than `limit` are left out.
 fn refine(points: &[Point], mut parameters: [f64; PARAMETERS], limit: f64) -> Result<[f64; PARAMETERS]> {
     for _ in 0..6 {
         let step = normal_equations(points, &parameters, limit).damped(1e-9).solve()?.values;
@@ -142,11 +142,11 @@ fn refine(points: &[Point], mut parameters: [f64; PARAMETERS], limit: f64) -> Re
     Ok(parameters)
 }
 
-/// The standard error of the map, root mean square over the correspondences. It is the larger of two estimates.
+/// The standard error of the map, root mean square over the correspondences: the larger of two estimates.
 ///
-/// The first assumes that all correspondences are independent, each with the scatter `rms`. However, codes are rounded to projector pixels,
-/// and the rounding error is the same along a whole row or column. The second therefore sums the gradients of all correspondences of one
-/// projector row or column before it squares them (a cluster-robust covariance).
+/// The first estimate assumes that all correspondences are independent, each with the scatter `rms`. However, codes are rounded to
+/// projector pixels, and the rounding error is the same along a whole row or column. The second estimate therefore sums the gradients of
+/// all correspondences in one projector row or column before it squares the sums (a cluster-robust covariance).
 fn field_error(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64, rms: f64) -> Result<f64> {
     let inverse = normal_equations(points, parameters, limit).solve()?.covariance;
     let mut clusters = Clusters::default();
@@ -208,9 +208,9 @@ mod tests {
         let found =
             fit(&matches(&truth, wrong), truth.camera, truth.projector, 0.41).expect("enough matches");
         let off = off(&found.map, &truth);
-        // 8000 independent correspondences with an error of √(1/6) pixel each and ten parameters would give 0.41 √(10/16000) = 0.010. The
-        // rounding errors are not independent: they repeat along rows and columns. The stated error includes this: 0.018. It does not
-        // include that they also vary systematically from column to column. The actual error is 0.042.
+        // For 8000 independent correspondences with an error of √(1/6) pixel each, ten parameters would give an error of 0.41 √(10/16000) =
+        // 0.010. The rounding errors repeat along rows and columns, so the stated error is larger: 0.018. They also vary systematically
+        // from column to column, which the stated error does not include. The actual error is 0.042.
         assert!(off < 0.05, "{off}");
         assert!((0.5..3.0).contains(&(off / found.error)), "{off} against {}", found.error);
         assert!((found.rms - (1.0_f64 / 6.0).sqrt()).abs() < 0.05, "{}", found.rms);
@@ -233,8 +233,8 @@ mod tests {
         assert!(found.rms < 1e-7 && found.outliers == 0.0, "{found:?}");
     }
 
-    /// `n` points, each off by σ along both axes, with weights of mean `w̄`, determine ten parameters. The map's error is `σ √(10 / (n
-    /// w̄))`, root mean square over the field.
+    /// Let `n` points have an error of σ along both axes and weights of mean `w̄`. If they determine ten parameters, the map's error is `σ
+    /// √(10 / (n w̄))`, root mean square over the field.
     #[test]
     fn independent_errors_of_points_make_the_error_of_the_map_that_least_squares_say() {
         use rand_distr::{Distribution, StandardNormal};
@@ -245,18 +245,19 @@ mod tests {
         let noise: Vec<[f64; 2]> = (0..truth.camera.pixels()).map(|_| [normal(), normal()]).collect();
         let points = matches(&truth, |at, pixel| [at[0] + noise[pixel][0], at[1] + noise[pixel][1]]);
         let found = fit(&points, truth.camera, truth.projector, sigma).expect("they agree");
-        // Distances of up to 4 σ count, which are nearly all of them.
+        // Distances of up to 4 σ count. Nearly all points are within this distance.
         assert!((found.rms / (sigma * 2.0_f64.sqrt()) - 1.0).abs() < 0.02, "{}", found.rms);
         assert!(found.outliers < 0.002, "{}", found.outliers);
-        // For distances with the density d exp(−d²/2), Tukey's weights at 3 σ have the mean 1 − 4/9 + 8/81 − … = 0.63.
+        // If distances have the density d exp(−d²/2), Tukey's weights with a limit of 3 σ have the mean 1 − 4/9 + 8/81 − … = 0.63.
         let mean: f64 = (0..3000)
             .map(|at| 0.001 * (f64::from(at) + 0.5))
             .map(|d| 0.001 * d * (-0.5 * d * d).exp() * weight(d, 3.0))
             .sum();
         let expected = sigma * (10.0 / truth.camera.pixels() as f64 / mean).sqrt();
-        // The scatter is known to one in √10800. The scale of the weights is known as well as the median, to two percent.
+        // The relative standard error of the scatter is 1/√10800. The median, which scales the weights, has a relative error of two
+        // percent.
         assert!((found.error / expected - 1.0).abs() < 0.05, "{} against {expected}", found.error);
-        // The chi-square of ten parameters scatters by √(2/10), and this is a single draw.
+        // The chi-square of ten parameters has a relative scatter of √(2/10), and the test draws it once.
         assert!((0.4..1.6).contains(&(off(&found.map, &truth) / expected)));
     }
 
@@ -268,7 +269,7 @@ mod tests {
         assert!(fit(&some(24), truth.camera, truth.projector, 0.4).is_ok());
         let error = fit(&some(23), truth.camera, truth.projector, 0.4).map_err(|error| error.to_string());
         assert!(error.as_ref().is_err_and(|text| text.contains("only 23 points")), "{error:?}");
-        // 17 of 40 points are wrong, each in a different way, so 23 agree.
+        // 17 of 40 points are outliers, each in a different place, so 23 points agree.
         let mixed = |wrong: usize| {
             let mut points = some(40);
             for (at, point) in points.iter_mut().take(wrong).enumerate() {

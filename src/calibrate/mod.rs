@@ -10,7 +10,8 @@
 //! | the pixel map | Gray codes, or a checkerboard | `structured_light`, `pixel_map`, `map_fit`, `stripe_fit` |
 //! | the brightness of the projector relative to the camera's | smooth patterns, by the symmetry of the light transport | `flat_field` |
 //!
-//! While a bench is set up, [`StructuredLight`] decodes Gray codes without a calibration, and [`map_check`](map_check()) tests a known map.
+//! [`StructuredLight`] decodes Gray codes without a calibration, and [`map_check`](map_check()) tests the pixel map of a calibration. Both
+//! help to set up a bench.
 
 mod camera;
 mod displacement;
@@ -53,10 +54,11 @@ pub struct CalibrateOptions {
     pub takes: u32,
     /// The largest number of levels that are shown, at least 3. `None` means 257, or 33 when frames are more than half a second apart.
     pub levels: Option<usize>,
-    /// The source of the pixel map. `None`: Gray codes, or a checkerboard below 1.5 camera pixels per projector pixel along an axis.
+    /// The source of the pixel map. `None`: Gray codes, or a checkerboard for fewer than 1.5 camera pixels per projector pixel along an
+    /// axis.
     pub map: Option<MapBy>,
-    /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric. Only then can uneven brightness of the
-    /// devices be distinguished from the scene.
+    /// Whether projector and camera have the same pose and lens, so that the transport matrix is symmetric. Only then can uneven brightness
+    /// of the devices be distinguished from the scene.
     pub coaxial: bool,
 }
 
@@ -66,10 +68,10 @@ impl Default for CalibrateOptions {
     }
 }
 
-/// The settle time is this factor times the measured latency.
+/// The settle time is the measured latency times this factor.
 const SETTLE_MARGIN: f64 = 1.25;
 
-/// Measures everything that a [`Calibration`] holds. `progress` gets the name of each step in advance, and may stop the calibration.
+/// Measures all values of a [`Calibration`]. `progress` gets the name of each step before the step begins, and may stop the calibration.
 ///
 /// # Errors
 /// [`Error::Rig`] when the rig fails, or when its photos cannot be evaluated; [`Error::Interrupted`] when `progress` stops the calibration.

@@ -1,4 +1,4 @@
-//! Measures the pixel map: from Gray codes or a checkerboard to footprints (O'Toole and Kutulakos, section 8.1).
+//! The measurement of the pixel map: from Gray codes or a checkerboard to footprints (O'Toole and Kutulakos, section 8.1).
 
 use super::least_squares::Normal;
 use super::map_fit;
@@ -13,23 +13,24 @@ use crate::measure::Registration;
 use crate::measure::footprint::by_overlap;
 use crate::measure::lens_map::{LensMap, Match, centre};
 
-/// A common map is accepted when the root mean square distance of the points from it is at most this, in projector pixels.
+/// A common lens map is accepted when the root mean square distance of the points from it is at most this, in projector pixels.
 const FITS: f64 = 0.75;
 
-/// A common map is accepted when less than this share of the points are outliers, such as reflections and edges.
+/// A common lens map is accepted when less than this fraction of the points are outliers, for example due to reflections and edges.
 const OUTLIERS: f64 = 0.5;
 
-/// Gray codes need this many camera pixels per projector pixel along each axis. With fewer, only camera pixels inside one projector pixel
-/// are decoded, which hides a shift by a part of a pixel.
+/// Gray codes need this many camera pixels per projector pixel along each axis. With fewer camera pixels, a camera pixel is decoded only if
+/// it lies inside one projector pixel. This hides a shift by a fraction of a pixel.
 const SAMPLED: f64 = 1.5;
 
-/// When fewer camera pixels than this share remain undecoded, each of the others lies inside one projector pixel, and the codes are exact.
+/// The codes are exact when less than this fraction of the camera pixels is undecoded. Each decoded camera pixel then lies inside a
+/// projector pixel.
 const ALIGNED: f64 = 0.1;
 
-/// The finest stripes that can be decoded are at least this wide, in camera pixels.
+/// Stripes must be at least this wide to be decoded, in camera pixels.
 const STRIPE: f64 = 1.5;
 
-/// Measures the map from camera to projector, and makes the pixel map from it.
+/// Measures the lens map from camera to projector, and computes the pixel map from it.
 pub(crate) fn pixel_map(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel,
@@ -38,7 +39,7 @@ pub(crate) fn pixel_map(
     let (camera, projector) = (session.camera().resolution, session.projector().resolution);
     let scale = scale(camera, projector);
     let coarse = coarse(camera, projector);
-    // There may be fewer squares than a map needs. Gray codes that the camera can decode then serve instead.
+    // A checkerboard may have fewer squares than the fit of a map needs. In this case, Gray codes are used if the camera can decode them.
     let may_fall_back = by.is_none() && coarse == 0;
     let mut by = by.unwrap_or(if scale < SAMPLED { MapBy::Checkerboard } else { MapBy::GrayCode });
     let decoded = gray_code(session, model, coarse)?;
@@ -64,7 +65,7 @@ pub(crate) fn pixel_map(
     let outliers = |fit: &Fit| fit.outliers;
     match fit {
         Ok(fit) if fit.rms < FITS * decoded.step as f64 && fit.outliers < OUTLIERS => {
-            // If no camera pixel sees an edge, the codes are exact, and the stripes are less informative.
+            // The stripes refine the map, unless no camera pixel sees an edge: the codes are then exact, and the stripes less informative.
             let finer = refined(&fit, &decoded).ok().filter(|finer| finer.error < fit.error);
             let fit = finer.unwrap_or(fit);
             let registration = by_overlap(&fit.map, &decoded.lit);
@@ -83,7 +84,7 @@ pub(crate) fn pixel_map(
             };
             Ok((registration, figures))
         }
-        // No common map fits, because the camera may be elsewhere. Each camera pixel is then used as it was decoded.
+        // No common map fits, perhaps because the rig is not coaxial. Each decoded camera pixel is then used separately.
         Ok(fit) if by == MapBy::GrayCode && decoded.step == 1 => {
             let registration = by_decoding(&decoded, camera, projector);
             let figures = MapFigures {
@@ -102,8 +103,8 @@ pub(crate) fn pixel_map(
     }
 }
 
-/// The pixel map by decoding: all camera pixels that were decoded to a projector pixel have equal weights. It serves where no common map
-/// fits, for example when the camera is not at the projector's centre of projection.
+/// The pixel map by decoding. All camera pixels that were decoded to a projector pixel have equal weights. This map is used where no common
+/// lens map fits, for example when the camera is not at the projector's centre of projection.
 fn by_decoding(decoded: &Decoded, camera: Resolution, projector: Resolution) -> Registration {
     let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); projector.pixels()];
     for seen in &decoded.seen {
@@ -117,12 +118,12 @@ fn by_decoding(decoded: &Decoded, camera: Resolution, projector: Resolution) -> 
     Registration::of_rows(camera, projector, rows)
 }
 
-/// The number of camera pixels per projector pixel along the axis where it is smaller.
+/// The number of camera pixels per projector pixel, along the axis where this number is smaller.
 fn scale(camera: Resolution, projector: Resolution) -> f64 {
     (camera.width as f64 / projector.width as f64).min(camera.height as f64 / projector.height as f64)
 }
 
-/// The number of finest bits that this camera cannot decode.
+/// The number of finest bits of the Gray code that this camera cannot decode.
 pub(crate) fn coarse(camera: Resolution, projector: Resolution) -> u32 {
     // The finest stripes of a Gray code are two pixels wide.
     (STRIPE / (2.0 * scale(camera, projector))).log2().ceil().max(0.0) as u32
@@ -132,20 +133,20 @@ fn matches(decoded: &Decoded, camera: Resolution) -> Vec<Match> {
     decoded.seen.iter().map(|seen| Match { camera: centre(seen.pixel, camera), projector: seen.at }).collect()
 }
 
-/// The share of projector pixels that no camera pixel sees.
+/// The fraction of projector pixels that no camera pixel sees.
 fn masked(registration: &Registration) -> f64 {
     let empty = registration.starts.windows(2).filter(|ends| ends[0] == ends[1]).count();
     empty as f64 / registration.projector.pixels() as f64
 }
 
-// Corners of a checkerboard serve cameras that do not resolve single projector pixels (O'Toole and Kutulakos, section 8.1). The contrast
-// `(p − q)/(p + q)` of the photos of a checkerboard and of its inverse does not depend on the scene's albedo. Each inner corner is a saddle
-// point of the contrast. Its centre is the saddle point of a quadratic polynomial fitted around it (Lucchese and Mitra 2002).
+// The corners of a checkerboard serve cameras that do not resolve single projector pixels (O'Toole and Kutulakos, section 8.1). The
+// contrast `(p − q)/(p + q)` of the photos `p` of a checkerboard and `q` of its inverse does not depend on the scene's albedo. Each inner
+// corner is a saddle point of the contrast. It is found as the saddle point of a fitted quadratic polynomial (Lucchese and Mitra 2002).
 
-/// The side of a square, in camera pixels.
+/// The side of a square of the checkerboard, in camera pixels.
 const SQUARE: f64 = 6.0;
 
-/// Shows a checkerboard, and finds its corners near the places that `map` predicts. Only `lit` camera pixels are used.
+/// Shows a checkerboard, and finds its corners near the positions that `map` predicts. Only camera pixels that are `lit` are used.
 pub(crate) fn corners(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel,
@@ -172,7 +173,7 @@ pub(crate) fn corners(
     Ok(matches)
 }
 
-/// The saddle point near `near`, in camera pixels from the top left corner. It is `None` when there is none or too few pixels are lit.
+/// The saddle point near `near`, in camera pixels from the top left corner. `None` when there is no saddle, or too few pixels are lit.
 fn saddle(contrast: &[f64], lit: &[bool], map: &LensMap, near: [f64; 2], reach: f64) -> Option<[f64; 2]> {
     let mut at = near;
     for _ in 0..12 {
@@ -194,7 +195,8 @@ fn saddle(contrast: &[f64], lit: &[bool], map: &LensMap, near: [f64; 2], reach: 
                 let pixel = row * map.camera.width + column;
                 if lit[pixel] {
                     count += 1;
-                    // The window is smooth, so no pixel enters or leaves it abruptly as the centre moves.
+                    // The weight falls smoothly to 0 at the border, so that no pixel enters or leaves the window abruptly as the window
+                    // moves.
                     let weight = (1.0 - distance * distance).powi(2);
                     normal.add_full(&[1.0, x, y, x * x, x * y, y * y], contrast[pixel], weight);
                 }
@@ -229,7 +231,7 @@ mod tests {
     #[test]
     fn the_finest_stripes_are_as_wide_as_the_camera_needs() {
         let projector = Resolution::new(100, 100);
-        // Stripes of two pixels are 3, 2, 1.4 and 0.7 camera pixels wide along the narrower axis.
+        // Stripes of two projector pixels are 3, 2, 1.4 and 0.7 camera pixels wide along the axis with fewer camera pixels.
         for (camera, bits) in [((150, 200), 0), ((200, 100), 0), ((70, 300), 1), ((300, 35), 2)] {
             assert_eq!(coarse(Resolution::new(camera.0, camera.1), projector), bits, "{camera:?}");
         }
@@ -264,7 +266,7 @@ mod tests {
 
     const SIZE: Resolution = Resolution { width: 40, height: 30 };
 
-    /// A turned saddle between pixels. Its two axes are not equally steep.
+    /// The contrast around a rotated saddle point at `place`. The saddle is not equally steep along its two axes.
     fn board(place: [f64; 2]) -> Vec<f64> {
         let of = |pixel: usize| {
             let [x, y] = [(pixel % 40) as f64 + 0.5 - place[0], (pixel / 40) as f64 + 0.5 - place[1]];
@@ -286,7 +288,7 @@ mod tests {
             [([20.3, 14.6], [19.0, 16.0]), ([4.6, 4.9], [5.5, 4.7]), ([35.4, 25.3], [35.0, 25.0])]
         {
             let at = found(&board(place), &lit, near).expect("it is there");
-            // The contrast is the polynomial that is fitted.
+            // The contrast is exactly the fitted kind of polynomial.
             assert!((at[0] - place[0]).hypot(at[1] - place[1]) < 1e-9, "{at:?} for {place:?}");
         }
         let centre = board([20.3, 14.6]);
@@ -311,7 +313,7 @@ mod tests {
         let contrast = board([20.0, 15.0]);
         let lit_from =
             |column: usize| -> Vec<bool> { (0..SIZE.pixels()).map(|pixel| pixel % 40 >= column).collect() };
-        // 52 pixels are nearer than four. Columns 16 and 17 have four and six of them, column 18 has eight.
+        // 52 pixels are nearer than four pixels to the corner: four of them are in column 16, six in column 17, and eight in column 18.
         let at = found(&contrast, &lit_from(18), [20.0, 15.0]).expect("ten of 52 are dark");
         assert!((at[0] - 20.0).hypot(at[1] - 15.0) < 1e-9, "{at:?}");
         assert_eq!(found(&contrast, &lit_from(19), [20.0, 15.0]), None, "eighteen of them");

@@ -1,9 +1,9 @@
 //! The projector's response: the light of each level, from photos of uniform frames (O'Toole and Kutulakos, section 8.1).
 //!
-//! A uniform frame scales all light of the scene, global light included. The light of a level relative to the brightest one is therefore
-//! the same number for all pixels: `r(l) = Σ (rate_l − rate_0) / Σ (rate_top − rate_0)` over the pixels that are not saturated. Dark levels
-//! are exposed longer. A photo of black at the same exposure is subtracted, so that an error of the black level cancels. White is repeated
-//! every few levels, and the drift of the light is divided out.
+//! A uniform frame scales all light of the scene, global light included. The light of a level relative to the brightest level is therefore
+//! the same number for all pixels: `r(l) = Σ (rate_l − rate_0) / Σ (rate_top − rate_0)`. Here `rate_l` is the light of a pixel per second
+//! under level `l`. Saturated pixels are left out. Dark levels are exposed longer. A photo of black at the same exposure is subtracted, so
+//! that an error of the black level cancels. White is photographed every few levels, and the drift of the light is divided out.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -16,11 +16,11 @@ use crate::error::{Error, Result};
 /// The number of levels between two photos of white.
 const WHITE_EVERY: usize = 16;
 
-/// The largest number of levels that are shown: by any camera, and by a camera whose frames take longer than [`SLOW`] seconds each. A still
-/// camera needs minutes for a dozen levels. Levels between the shown ones are interpolated.
+/// The largest number of levels that are shown: first for any camera, then for a camera whose frames take longer than [`SLOW`] seconds
+/// each. A still camera needs minutes for a dozen levels. Levels between the shown levels are interpolated.
 const LEVELS: [usize; 2] = [257, 33];
 
-/// A rig is slow when it takes more seconds than this from one frame to the next.
+/// A rig is slow when the time from one frame to the next is longer than this, in seconds.
 const SLOW: f64 = 0.5;
 
 /// The largest exposure of dark levels, as a multiple of white's exposure.
@@ -32,7 +32,7 @@ pub(crate) struct Ramp {
     pub(crate) curve: Vec<f64>,
     /// The exponent, the errors and the black level.
     pub(crate) figures: ProjectorFigures,
-    /// The light of white over time, relative to the first photos, as (seconds, share).
+    /// The light of white over time, as (seconds, light relative to the first photos).
     pub(crate) whites: Vec<(f64, f64)>,
     /// The relative standard error of each entry of `whites`.
     pub(crate) white_error: f64,
@@ -54,7 +54,7 @@ pub(crate) fn ramp(
     let white = session.mean(&white_frame, model.exposure, 4 * model.takes)?;
     let mut references = Vec::new();
     let mut points: Vec<(u16, f64, f64, f64)> = Vec::new();
-    // The light without a pattern is in every photo. It also grows with the exposure.
+    // The light without a pattern is in every photo and also grows with the exposure.
     let black = black_share(model, &white, &base);
     let mut share = 1.0;
     for (index, &level) in levels.iter().rev().enumerate() {
@@ -85,26 +85,26 @@ pub(crate) fn ramp(
     finish(top, &points, whites, white_error, black)
 }
 
-/// The exposure for the next level: white's exposure times a power of two. `share` is the light of this level and of no pattern together,
-/// as a share of white's light. The next level cannot saturate, because it is not brighter.
+/// Computes the exposure for the next level: white's exposure times a power of two. `share` is the light of this level plus the light
+/// without a pattern, relative to white's light. The next level cannot saturate, because it is not brighter than this level.
 fn longer(session: &CalibrationSession<'_>, exposure: f64, share: f64) -> f64 {
     let factor = (0.8 / share).clamp(1.0, LONGER).log2().floor().exp2();
     let wanted = session.allowed(exposure * factor);
     if wanted < 1.5 * exposure { exposure } else { wanted }
 }
 
-/// The number of levels for a rig that takes this many seconds from one frame to the next.
+/// The number of levels for a rig whose frames are `seconds` apart.
 pub(crate) fn levels_for(seconds: f64) -> usize {
     LEVELS[usize::from(seconds > SLOW)]
 }
 
-/// All levels, or `most` of them at equal steps. The lowest and the highest are included.
+/// Lists all levels, or `most` of them at equal steps. The lowest and the highest level are included.
 fn levels(top: u16, most: usize) -> Vec<u16> {
     let count = (usize::from(top) + 1).min(most).max(2);
     (0..count).map(|index| (index * usize::from(top) / (count - 1)) as u16).collect()
 }
 
-/// The light `lit − dark` relative to `white − base`, with its standard error. Each difference is taken at one exposure.
+/// The light `lit − dark` relative to `white − base`, with its standard error. Both photos of each difference have the same exposure.
 fn relative(model: &CameraModel, lit: &Mean, dark: &Mean, white: &Mean, base: &Mean) -> Result<(f64, f64)> {
     let (mut sum, mut norm, mut variance) = (0.0, 0.0, 0.0);
     for sample in 0..lit.counts.len() {
@@ -138,7 +138,7 @@ fn black_share(model: &CameraModel, white: &Mean, base: &Mean) -> MeasuredValue 
     MeasuredValue::new(base_sum / (white_sum - base_sum), variance.sqrt() / (white_sum - base_sum))
 }
 
-/// Divides out the drift, fits the exponent, makes the curve ascend, and interpolates the levels that were not shown.
+/// Divides out the drift, fits the exponent, makes the curve monotone, and interpolates the levels that were not shown.
 fn finish(
     top: u16,
     points: &[(u16, f64, f64, f64)],
@@ -171,7 +171,7 @@ fn finish(
     Ok(Ramp { curve, figures, whites, white_error })
 }
 
-/// Interpolates the light of each level from `knots`. The interpolation is linear in `light^(1/γ)`, which is nearly linear in the level.
+/// Interpolates the light of each level from `knots`, linearly in `light^(1/γ)` (γ is the exponent), which is nearly linear in the level.
 fn interpolated(knots: &[(f64, f64)], top: f64, gamma: f64) -> Vec<f64> {
     let levels = (0..=top as usize).map(|level| level as f64 / top);
     if knots.len() as f64 > top {
@@ -181,7 +181,7 @@ fn interpolated(knots: &[(f64, f64)], top: f64, gamma: f64) -> Vec<f64> {
     levels.map(|level| at(&roots, level).powf(gamma)).collect()
 }
 
-/// Finds the exponent by Gauss–Newton iteration. The standard error is scaled up where the residuals are larger than the noise.
+/// Finds the exponent by Gauss–Newton iteration. If the residuals are larger than the noise, the standard error is scaled up.
 fn gamma(points: &[(f64, f64, f64)]) -> Result<MeasuredValue> {
     let mut gamma = 2.0;
     for _ in 0..50 {
@@ -206,8 +206,8 @@ fn gamma(points: &[(f64, f64, f64)]) -> Result<MeasuredValue> {
     Err(Error::Numerical("no exponent fits the projector's levels".into()))
 }
 
-/// Linear interpolation between ascending points, constant beyond the first and the last. At a point it returns exactly the point's value.
-/// Rounding thus cannot make a curve descend between equal points.
+/// Interpolates linearly between ascending points. The result is constant beyond the first and the last point. At a point, the result is
+/// exactly the point's value, so rounding cannot make a curve descend between equal points.
 fn at(points: &[(f64, f64)], x: f64) -> f64 {
     let after = points.partition_point(|point| point.0 < x);
     match (after.checked_sub(1).map(|before| points[before]), points.get(after)) {
@@ -219,9 +219,9 @@ fn at(points: &[(f64, f64)], x: f64) -> f64 {
     }
 }
 
-/// The relative change per hour of `whites` (seconds, light). `error` is the relative standard error of each. The error of the result is
-/// scaled up where the residuals of the line are larger than `error`.
-/// Fails with [`Error::Numerical`] when all photos were taken at the same time.
+/// Computes the relative change per hour of `whites` (seconds, light). `error` is the relative standard error of each entry. If the
+/// residuals of the fitted line are larger than `error`, the standard error of the result is scaled up. Fails with [`Error::Numerical`]
+/// when all photos were taken at the same time.
 pub(crate) fn drift_per_hour(whites: &[(f64, f64)], error: f64) -> Result<MeasuredValue> {
     let start = whites.first().map_or(0.0, |white| white.0);
     let hours = |time: f64| (time - start) / 3600.0;
@@ -256,7 +256,7 @@ mod tests {
     fn light_is_compared_per_second_where_nothing_is_saturated() {
         let (white, base) = (mean([810.0, 1000.0, 410.0], 0.1, 8), mean([30.0, 30.0, 10.0], 0.1, 8));
         let (lit, dark) = (mean([410.0, 900.0, 210.0], 0.4, 2), mean([90.0, 90.0, 10.0], 0.4, 8));
-        // The second sample is saturated. The others give 520 in 0.4 s against 1180 in 0.1 s.
+        // The second sample is saturated. The other samples together give 520 in 0.4 s against 1180 in 0.1 s.
         let (light, error) = relative(&MODEL, &lit, &dark, &white, &base).expect("white is brighter");
         assert!((light - 520.0 / 0.4 / 11_800.0).abs() < 1e-15, "{light}");
         let noise = (400.0 / 4.0 + 0.25 + 200.0 / 4.0 + 0.25) / 2.0 + (80.0 / 4.0 + 0.25 + 0.25) / 8.0;
@@ -288,7 +288,7 @@ mod tests {
             assert!((found.value - power).abs() < 1e-9, "{power}: {found}");
             assert!((found.error * squares.sqrt() - 1.0).abs() < 1e-6, "{power}: {found}");
         }
-        // Residuals of ten errors make the error about ten times as large. Eight points leave seven degrees of freedom.
+        // Residuals of ten standard errors make the error about ten times as large. Eight points leave seven degrees of freedom.
         let [exact, off] = [0.0, 1e-2].map(|off| gamma(&points(2.2, off)).expect("it fits").error);
         assert!((off / exact / (800.0_f64 / 7.0).sqrt() - 1.0).abs() < 0.1, "{off} {exact}");
         assert_eq!(gamma(&[(1.0, 1.0, 1e-3)]).expect("every exponent fits"), MeasuredValue::new(1.0, 0.0));
@@ -300,13 +300,13 @@ mod tests {
         let found = [0.0, 1.0, 1.5, 3.0, 3.25, 4.0, 9.0].map(|x| at(&points, x));
         assert_eq!(found, [2.0, 2.0, 3.0, 6.0, 6.0, 0.0, 0.0]);
         assert_eq!(at(&[], 1.0), 1.0);
-        // 0.2 + (0.9 − 0.2) is not 0.9 in floating point, and 0.9 comes twice.
+        // In floating point, 0.2 + (0.9 − 0.2) differs from 0.9. Two points have the value 0.9.
         assert_ne!(0.2 + (0.9 - 0.2), 0.9);
         let equal = [(0.0, 0.2), (1.0, 0.9), (2.0, 0.9)];
         assert_eq!([1.0, 1.5, 2.0].map(|x| at(&equal, x)), [0.9; 3]);
     }
 
-    /// Four levels of a lamp that fades by a tenth. The brightest is shown first.
+    /// The light of four levels, while the lamp fades by a tenth. The brightest level is shown first.
     #[test]
     fn the_drift_of_white_is_divided_out_and_the_brightest_level_is_one() {
         let whites = vec![(0.0, 1.0), (4.0, 0.9)];
@@ -321,7 +321,7 @@ mod tests {
         assert!((ramp.figures.gamma.value - 2.0).abs() < 1e-9 && ramp.figures.gamma_residual < 1e-9);
         assert_eq!((ramp.figures.curve_error, ramp.figures.black), (1e-3, black));
         assert_eq!((ramp.whites, ramp.white_error), (whites, 2e-4));
-        // No exponent describes these levels.
+        // No exponent describes the light of these levels.
         let bent = [(4, 1.0, 1e-3, 0.0), (2, 0.5, 2e-3, 0.0)];
         let ramp = finish(4, &bent, vec![(0.0, 1.0)], 0.0, black).expect("it has an exponent");
         assert!(
@@ -342,7 +342,7 @@ mod tests {
         let curve = interpolated(&knots, 255.0, 2.2);
         let off = curve.iter().enumerate().map(|(level, found)| (found - light(level as f64 / 255.0)).abs());
         assert!(off.fold(0.0, f64::max) < 1e-12);
-        // The exponent does not describe this response. Interpolated levels still lie between their neighbours.
+        // No exponent describes this response. Interpolated levels still lie between their neighbours.
         let bent = interpolated(&[(0.0, 0.0), (0.5, 0.4), (1.0, 1.0)], 4.0, 2.2);
         assert!(
             bent.windows(2).all(|pair| pair[0] < pair[1]) && bent[2] == 0.4_f64.powf(1.0 / 2.2).powf(2.2)
@@ -367,7 +367,7 @@ mod tests {
                 .map(|(hours, sign)| (500.0 + 3600.0 * hours, 10.0 + 0.25 * hours + sign * e));
             drift_per_hour(&whites, 0.1).expect("four times")
         };
-        // The squares of the hours less their mean add up to 5. The mean at the beginning is 10.
+        // The squared deviations of the hours from their mean add up to 5. At the first photo, the line has the value 10.
         let expected = 0.1 / 5.0_f64.sqrt() / 10.0;
         for (e, scale) in [(0.0, 1.0), (0.01, 1.0), (0.2, (20.0 * 4.0 / 2.0_f64).sqrt())] {
             let drift = drift(e);

@@ -1,4 +1,4 @@
-//! The report of a calibration: every measured value with its standard error, and the text lines of the report.
+//! The report of a calibration: every measured value with its standard error, and the report as text lines.
 
 use std::fmt;
 
@@ -17,7 +17,7 @@ pub struct CalibrationReport {
     pub projector: Vec<ProjectorFigures>,
     /// The pixel map.
     pub map: MapFigures,
-    /// The least brightness of the projector relative to the camera's, divided by the largest. It is `None` when the rig is not coaxial.
+    /// The smallest ratio of the projector's to the camera's brightness, divided by the largest. It is `None` when the rig is not coaxial.
     #[serde(default)]
     pub evenness: Option<MeasuredValue>,
     /// The stability over time.
@@ -35,13 +35,13 @@ pub struct CameraFigures {
     pub read_noise: MeasuredValue,
     /// Electrons per linear DN.
     pub gain: MeasuredValue,
-    /// The count of overexposed pixels, in DN.
+    /// The count at which overexposed pixels saturate, in DN.
     pub plateau: f64,
     /// Whether overexposed pixels were seen. Otherwise the plateau is the largest possible count.
     pub plateau_reached: bool,
-    /// The plateau in electrons, from its linear DN.
+    /// The plateau in electrons, computed from its linear DN.
     pub full_well: MeasuredValue,
-    /// The largest departure of the response from a line beyond noise, as a share of the range.
+    /// The largest departure of the response from a line beyond noise, as a fraction of the range.
     pub departure: f64,
     /// Whether the response was approximated by a line.
     pub linear: bool,
@@ -56,11 +56,11 @@ pub struct CameraFigures {
 pub struct ProjectorFigures {
     /// The exponent that fits the response best.
     pub gamma: MeasuredValue,
-    /// The residual of this fit, root mean square over the levels, as a share of white.
+    /// The root mean square residual of this fit over the levels, as a fraction of white.
     pub gamma_residual: f64,
-    /// The largest standard error of the light of a level, as a share of white.
+    /// The largest standard error of the light of a level, as a fraction of white.
     pub curve_error: f64,
-    /// The light at level 0, ambient light included, as a share of white.
+    /// The light at level 0, ambient light included, as a fraction of white.
     pub black: MeasuredValue,
 }
 
@@ -69,18 +69,17 @@ pub struct ProjectorFigures {
 pub struct MapFigures {
     /// The source of the map: `gray-code` or `checkerboard`.
     pub by: MapBy,
-    /// The map of homography and lens. It is `None` when no map fits, and each camera pixel was then decoded separately.
+    /// The map of homography and lens. It is `None` when no map fits, so that each camera pixel is decoded separately.
     pub lens: Option<LensMap>,
-    /// The number of points that the map was fitted to.
+    /// The number of points to which the map was fitted.
     pub points: usize,
-    /// The root mean square distance of these points from the map, in projector pixels. With Gray codes, which give whole pixels, it is at
-    /// least 0.41.
+    /// The root mean square distance of these points from the map, in projector pixels. It is at least 0.41 with Gray codes (whole pixels).
     pub rms: f64,
     /// The standard error of the map, root mean square over the field, in projector pixels.
     pub error: f64,
-    /// The share of lit camera pixels that could not be decoded or do not agree with the map.
+    /// The fraction of lit camera pixels that could not be decoded or do not agree with the map.
     pub unreliable: f64,
-    /// The share of projector pixels that no camera pixel sees.
+    /// The fraction of projector pixels that no camera pixel sees.
     pub masked: f64,
 }
 
@@ -97,17 +96,17 @@ pub enum MapBy {
 /// The measured stability of a rig over time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StabilityFigures {
-    /// Seconds from the confirmation of a frame until all of its light is there.
+    /// The time from the confirmation of a frame until all of its light is there, in seconds.
     pub settle: MeasuredValue,
     /// The relative change of the mean of the white photo, per hour.
     pub drift_per_hour: MeasuredValue,
-    /// The seconds over which the drift was measured.
+    /// The time over which the drift was measured, in seconds.
     pub watched: f64,
     /// The noise of one white photo at an average camera pixel, relative to its light.
     pub white_noise: f64,
     /// The photos of white, as seconds on the rig's clock and light relative to the first photo.
     pub whites: Vec<(f64, f64)>,
-    /// The latency sweep, as seconds waited and the share of the light that was there.
+    /// The latency sweep, as the wait in seconds and the light after this wait relative to the full light.
     pub sweep: Vec<(f64, f64)>,
 }
 
@@ -133,7 +132,7 @@ impl MeasuredValue {
 }
 
 impl fmt::Display for MeasuredValue {
-    /// Writes the value with two digits of the error: `2.2013 ± 0.0012`.
+    /// Writes the value, rounded to two digits of the error: `2.2013 ± 0.0012`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let size = if self.error > 0.0 { self.error } else { self.value.abs() * 1e-4 };
         let decimals = if size > 0.0 { (1.0 - size.log10().floor()).clamp(0.0, 9.0) as usize } else { 0 };
@@ -142,7 +141,7 @@ impl fmt::Display for MeasuredValue {
 }
 
 impl CalibrationReport {
-    /// The report as lines of text. Each line has a subject and its figures. The subject is empty when the line continues the one before.
+    /// The report as lines of text, each with a subject and its figures. An empty subject means that the previous line continues.
     pub fn lines(&self) -> Vec<[String; 2]> {
         let Self { projector, map, evenness, stability, effort, .. } = self;
         let mut lines = Vec::from(self.camera.lines());
@@ -228,7 +227,7 @@ mod tests {
         assert_eq!(MeasuredValue::new(2.201_34, 0.001_21).to_string(), "2.2013 ± 0.0012");
         assert_eq!(MeasuredValue::new(64.03, 1.5).to_string(), "64.0 ± 1.5");
         assert_eq!(MeasuredValue::new(0.0, 0.0).to_string(), "0 ± 0");
-        // Without an error, a ten-thousandth of the value takes its place.
+        // If the error is 0, a ten-thousandth of the value determines the number of digits.
         assert_eq!(MeasuredValue::new(-2.5, 0.0).to_string(), "-2.50000 ± 0.00000");
         assert_eq!(MeasuredValue::new(2.0, 0.5).scaled(-3.0), MeasuredValue::new(-6.0, 1.5));
     }

@@ -1,20 +1,20 @@
 //! The camera's response, from counts of constant light at several exposures (O'Toole and Kutulakos, section 8.1).
 //!
-//! The signal of light `L` at exposure `e` is `L e`, and exposures are known. The inverse response `g` makes the counts of each pixel
-//! proportional to the exposure: `g(count) = L e`. This is the method of Debevec and Malik (1997), with `g` in place of its logarithm,
-//! which a black level and ambient light would disturb. Pixels with similar light are first averaged in groups.
+//! Light `L` at exposure `e` gives the signal `L e`, and the exposures are known. The inverse response `g` makes the counts of each pixel
+//! proportional to the exposure: `g(count) = L e`. This is the method of Debevec and Malik (1997), but with `g` instead of its logarithm,
+//! because a black level and ambient light would disturb the logarithm. Pixels with similar light are first averaged in groups.
 
 use super::least_squares::Normal;
 use crate::error::Result;
 use crate::rig::RawFrame;
 
-/// The number of groups. The last group holds all pixels under black. The other groups hold the pixels sorted by their light under white.
+/// The number of groups. The last group holds all pixels under black. The other groups hold the pixels under white, sorted by their light.
 const GROUPS: usize = 25;
 
 /// The number of knots of the inverse response over the range of counts.
 const KNOTS: usize = 33;
 
-/// A response is linear when no group departs from a line by more than this share of the range.
+/// A response is linear when no group departs from a line by more than this fraction of the range.
 pub(crate) const LINEAR_WITHIN: f64 = 2e-3;
 
 /// The mean count of a group at an exposure.
@@ -28,11 +28,11 @@ struct Point {
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FittedResponse {
-    /// The extrapolated count without light.
+    /// The count without light, extrapolated.
     pub(crate) black: f64,
     /// The standard error of `black`.
     pub(crate) black_error: f64,
-    /// The largest departure from a line beyond noise, as a share of the range.
+    /// The largest departure from a line beyond noise, as a fraction of the range.
     pub(crate) departure: f64,
     /// Linear DN above black for each count. `None` when the response is linear.
     pub(crate) curve: Option<Vec<f64>>,
@@ -40,8 +40,8 @@ pub(crate) struct FittedResponse {
 
 /// Fits the response to frames of white and of black at several exposures.
 ///
-/// Pixels are grouped by `sorting`, a photo of white that is not among these frames. A group is left out at an exposure where one of its
-/// samples is at least `limit`. `full` is the largest count, and `floor` approximates the black level.
+/// `sorting` is a photo of white that is not among these frames. It assigns the pixels to groups. A group is left out at an exposure where
+/// one of its samples is at least `limit`. `full` is the largest count, and `floor` approximates the black level.
 pub(crate) fn response(
     whites: &[RawFrame],
     blacks: &[RawFrame],
@@ -77,7 +77,7 @@ fn points(whites: &[RawFrame], blacks: &[RawFrame], sorting: &RawFrame, limit: f
     of_white.chain(of_black).flatten().collect()
 }
 
-/// The mean count of some samples. It is `None` when one of them is saturated.
+/// The mean count of some samples. It is `None` when one of the samples is saturated.
 fn point(frame: &RawFrame, group: usize, samples: &[usize], limit: f64) -> Option<Point> {
     let counts = || samples.iter().map(|&sample| f64::from(frame.counts[sample]));
     if counts().any(|count| count >= limit) {
@@ -85,7 +85,7 @@ fn point(frame: &RawFrame, group: usize, samples: &[usize], limit: f64) -> Optio
     }
     let number = samples.len() as f64;
     let count = counts().sum::<f64>() / number;
-    // The shot noise belongs to a camera with one electron per DN. Real cameras have more electrons per DN and so less noise.
+    // The shot noise of a camera with one electron per DN is assumed. Real cameras have more electrons per DN and so less noise.
     let error = ((1.0 + count) / number).sqrt().max(0.02);
     Some(Point { group, exposure: frame.exposure, count, error })
 }
@@ -111,7 +111,7 @@ fn line(points: &[Point], range: f64) -> Result<(f64, f64, f64)> {
     Ok((found.values[0], found.error(0), largest / range))
 }
 
-/// The exponent `a` of `count − floor ∝ (light · exposure)^a` that fits best. This first estimate of the response gives the weights.
+/// Finds the exponent `a` for which `count − floor ∝ (light · exposure)^a` fits best. This first estimate gives the weights.
 fn exponent(points: &[Point], floor: f64, range: f64) -> f64 {
     let (mut products, mut squares) = (0.0, 0.0);
     for group in 0..GROUPS {
@@ -129,7 +129,7 @@ fn exponent(points: &[Point], floor: f64, range: f64) -> f64 {
     if squares > 0.0 { (products / squares).clamp(0.2, 5.0) } else { 1.0 }
 }
 
-/// The count at which the inverse response is 0, and the inverse response of each count.
+/// Computes the count at which the inverse response is 0, and the inverse response of each count.
 fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Vec<f64>)> {
     let dark = points.iter().map(|point| point.count).fold(f64::INFINITY, f64::min);
     let low = dark.min(floor);
@@ -141,8 +141,8 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let share = (count - knots[at]) / (knots[at + 1] - knots[at]);
         (at, share)
     };
-    // The slope of the curve converts errors of counts to errors of light. The slope of the fit itself would
-    // be unstable: a small slope gives a large weight, which makes the slope still smaller.
+    // The slope of the curve converts errors of counts to errors of light. The slope of the fit itself would be unstable: a small slope
+    // gives a large weight, which makes the slope still smaller.
     let steep = exponent(points, dark, limit - dark).recip();
     let slope = |count: f64| {
         let share = ((count - dark) / (limit - dark)).clamp(1e-3, 1.0);
@@ -154,7 +154,7 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let row = [(at, 1.0 - share), (at + 1, share), (KNOTS + point.group, -point.exposure)];
         normal.add(&row, 0.0, (point.error * slope(point.count)).powi(-2));
     }
-    // The scale is arbitrary: the largest count keeps its value. The slope should change as little as possible between and beyond the data.
+    // The scale is arbitrary, so the largest count keeps its value. The slope is smoothed between and beyond the data.
     let largest = points.iter().map(|point| point.count).fold(dark, f64::max);
     let (at, share) = place(largest);
     normal.add(&[(at, 1.0 - share), (at + 1, share)], largest - dark, 1e6);
@@ -197,12 +197,12 @@ mod tests {
         RawFrame { resolution, channels: 1, counts, exposure, id: 0, started: 0.0 }
     }
 
-    /// The light of a sample, in no order and with 24 different values.
+    /// The light of a sample. It has 24 different values, in mixed order.
     fn light(sample: usize) -> f64 {
         0.1 + 0.9 * ((sample * 7) % 24) as f64 / 23.0
     }
 
-    /// Fits twelve exposures of white and of black by a camera of this response.
+    /// Fits the response of a camera with the response `count` to twelve exposures of white and of black.
     fn measured(count: impl Fn(f64) -> f64) -> FittedResponse {
         let exposures: Vec<f64> = (0..12).map(|k| 2.0_f64.powf(-0.5 * f64::from(k))).collect();
         let white = |exposure: f64| frame(exposure, |sample| count(light(sample) * exposure));
@@ -215,7 +215,7 @@ mod tests {
     #[test]
     fn a_line_is_found_with_its_black_level() {
         let found = measured(|light| 1000.0 + 60_000.0 * light);
-        // Counts are rounded to whole ones. There are some twelve thousand of them.
+        // Counts are rounded to integers. About twelve thousand counts enter the fit.
         assert!((found.black - 1000.0).abs() < 0.2 && found.black_error < 1.0, "{found:?}");
         assert!(found.curve.is_none() && found.departure < 1e-5, "{found:?}");
     }
@@ -226,12 +226,12 @@ mod tests {
         assert!(found.departure > 10.0 * LINEAR_WITHIN);
         let curve = found.curve.expect("it is no line");
         assert_eq!(curve.len(), 65_536);
-        // The largest count keeps its value, 61000 − 1000.
+        // The largest count keeps its value, 61000 − 1000, as linear DN.
         assert!((curve[61_000] - 60_000.0).abs() < 1.0, "{}", curve[61_000]);
         for share in [0.02, 0.05, 0.1, 0.2, 0.4, 0.7] {
             let count = 1000.0 + 60_000.0 * f64::powf(share, 0.6);
             let off = curve[count.round() as usize] / (60_000.0 * share) - 1.0;
-            // The curve has straight pieces between 33 knots. A knot and its neighbours are off together.
+            // The curve has straight pieces between 33 knots. The errors of neighbouring knots are correlated.
             assert!(off.abs() < 0.01, "{share}: {off}");
         }
         // The inverse begins flat and is not extrapolated. Black is the count of the darkest frames.
@@ -242,7 +242,7 @@ mod tests {
     fn a_curve_that_begins_steep_is_extrapolated_to_black() {
         let found = measured(|light| 1000.0 + 60_000.0 * light.powf(2.5));
         let curve = found.curve.expect("it is no line");
-        // The first straight pieces are off by a fifth of the light, and black by a thousandth of the range.
+        // The first straight pieces have an error of a fifth of the light, and black has an error of a thousandth of the range.
         for share in [0.5, 0.7] {
             let count = 1000.0 + 60_000.0 * f64::powf(share, 2.5);
             let off = curve[count.round() as usize] / (60_000.0 * share) - 1.0;
@@ -251,7 +251,7 @@ mod tests {
         assert!(curve.is_sorted() && (found.black - 1000.0).abs() < 60.0, "{}", found.black);
     }
 
-    /// Noise-free points of groups whose light is `1 + group`, with a power law of their count.
+    /// Points without noise. Group `group` has the light `1 + group`, and the counts follow a power law.
     fn law(power: f64, groups: std::ops::Range<usize>) -> Vec<Point> {
         let exposures = [0.25, 0.5, 1.0, 2.0];
         let of_group = |group: usize| {
@@ -266,7 +266,7 @@ mod tests {
     #[test]
     fn the_exponent_of_a_power_law_is_found_and_bounded() {
         for (power, expected) in [(0.45, 0.45), (1.0, 1.0), (2.2, 2.2), (0.1, 0.2), (7.0, 5.0)] {
-            // Counts of at most a hundredth of the range are left out.
+            // Counts in the lowest hundredth of the range are left out.
             let mut points = law(power, 3..9);
             points.push(Point { group: 3, exposure: 100.0, count: 100.05, error: 0.5 });
             let found = exponent(&points, 100.0, 10.0);
@@ -282,10 +282,10 @@ mod tests {
         let (black, error, departure) = line(&points, 1000.0).expect("it is determined");
         assert!((black - 100.0).abs() < 1e-9 && departure == 0.0, "{black} {departure}");
         assert!(error > 0.0 && error < 0.5, "{error}");
-        // A group with a single point does not take part.
+        // A group with a single point is ignored.
         points.push(Point { group: 9, exposure: 1.0, count: 5000.0, error: 0.5 });
         assert!((line(&points, 1000.0).expect("it is determined").0 - 100.0).abs() < 1e-9);
-        // One point is off its line. Its weight does not move the lines.
+        // One point is an outlier, but its weight is too small to move the lines.
         points[5].count += 40.0;
         points[5].error = 10.0;
         points.iter_mut().filter(|point| point.error < 1.0).for_each(|point| point.error = 1e-3);
@@ -298,7 +298,7 @@ mod tests {
         let white = frame(0.5, |sample| 100.0 + (sample % 240) as f64);
         let black = frame(0.25, |_| 50.0);
         let points = points(std::slice::from_ref(&white), std::slice::from_ref(&black), &white, 330.0);
-        // The last of 24 groups of 20 samples has counts of 330 to 339.
+        // There are 24 groups of 20 samples each. The last group has counts of 330 to 339.
         assert_eq!(points.len(), 23 + 1);
         for (group, point) in points[..23].iter().enumerate() {
             let count = 100.0 + 10.0 * group as f64 + 4.5;

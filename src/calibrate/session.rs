@@ -1,5 +1,5 @@
-//! A calibration session takes frames, each with a new take number, and computes their means. This file also holds the model of the camera,
-//! and the measurement of the projector's latency, which comes first.
+//! A calibration session takes frames and computes their means. This file also holds the model of the camera, and measures the projector's
+//! latency.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -10,8 +10,8 @@ use crate::image::Resolution;
 use crate::measure::{CameraResponse, CaptureRequest, Effort, FrameSource};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 
-/// Takes frames. Repeated frames of the same pattern and exposure have successive take numbers, so that none is taken twice. The order of
-/// the frames depends only on earlier measurements, so that a journal can replay a calibration.
+/// Takes frames. Repeated frames of the same pattern and exposure have successive take numbers, so that no take number is used twice. The
+/// order of the frames depends only on earlier measurements, so that a journal can replay a calibration.
 pub(crate) struct CalibrationSession<'a> {
     frames: &'a mut dyn FrameSource,
     takes: HashMap<(Arc<Frame>, u64), u32>,
@@ -89,7 +89,7 @@ impl<'a> CalibrationSession<'a> {
         )?))
     }
 
-    /// Captures the next take of this frame and exposure.
+    /// Captures this frame at this exposure with the next take number.
     pub(crate) fn capture(&mut self, frame: &Arc<Frame>, exposure: f64) -> Result<RawFrame> {
         let take = self.takes.entry((Arc::clone(frame), exposure.to_bits())).or_insert(0);
         let request = CaptureRequest { frame: Arc::clone(frame), exposure, take: *take };
@@ -99,7 +99,7 @@ impl<'a> CalibrationSession<'a> {
         Ok(raw)
     }
 
-    /// Averages `takes` new frames, but at least one.
+    /// Averages `takes` new frames. At least one frame is captured.
     pub(crate) fn mean(&mut self, frame: &Arc<Frame>, exposure: f64, takes: u32) -> Result<Mean> {
         let mut mean: Option<Mean> = None;
         for _ in 0..takes.max(1) {
@@ -152,7 +152,7 @@ pub(crate) struct Linear {
 }
 
 impl Linear {
-    /// The light of a count or of a mean of counts, in DN above black.
+    /// The light in DN above black, from a count or a mean of counts.
     pub(crate) fn of(&self, count: f64) -> f64 {
         let Some(curve) = &self.curve else { return count - self.black };
         let at = (count.max(0.0) as usize).min(curve.len() - 2);
@@ -169,7 +169,7 @@ impl Linear {
     }
 }
 
-/// How photos are taken and converted to light: exposure, takes, response and noise.
+/// The model that describes how photos are taken and converted to light: exposure, number of frames, response and noise.
 #[derive(Clone, Debug)]
 pub(crate) struct CameraModel {
     pub(crate) linear: Linear,
@@ -191,31 +191,30 @@ impl CameraModel {
         Self { linear: Linear { black, curve: curve.clone() }, gain, read_noise, limit, exposure, takes }
     }
 
-    /// The variance of the mean of `takes` samples with this light, in linear DN above black.
+    /// The variance of the mean of `takes` samples with this light. The light is in linear DN above black.
     pub(crate) fn variance(&self, light: f64, takes: u32) -> f64 {
         (light.max(0.0) / self.gain + self.read_noise.powi(2)) / f64::from(takes)
     }
 }
 
-// The latency of the projector is the time from the confirmation of a frame until all of its light is there, and none of the previous
-// frame's light. White is shown after black and photographed after waits of different lengths. While black is part of the exposure, the
-// photo has less light.
+// The latency of the projector is the time from the confirmation of a frame until only this frame's light, and all of it, is there. White
+// is shown after black and photographed after different waits. While the exposure still includes black, the photo has less light.
 
 /// The shortest wait above zero that is tried, in seconds.
 const SHORTEST: f64 = 1e-3;
 
-/// The longest wait that is tried, in seconds. It is also the wait before the latency is known.
+/// The longest wait that is tried, in seconds. The session also waits this long while the latency is unknown.
 pub(crate) const CAREFUL: f64 = 1.0;
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Latency {
-    /// Seconds until all light is there. The error is half of the last interval of the search.
+    /// The time until all light is there, in seconds. The error is half of the last interval of the search.
     pub(crate) settle: MeasuredValue,
-    /// The waits in seconds, and the share of white's light after each.
+    /// Pairs of the wait in seconds and the light after this wait, relative to white's light.
     pub(crate) sweep: Vec<(f64, f64)>,
 }
 
-/// Measures the latency by a search over waits. The exposure is in seconds. It should be short and must not saturate.
+/// Measures the latency by a search over waits. `exposure` is in seconds. It should be short and must not saturate.
 pub(crate) fn latency(session: &mut CalibrationSession<'_>, exposure: f64) -> Result<Latency> {
     let (black, white) = (session.filled(0), session.filled(session.top()));
     let step = |session: &mut CalibrationSession<'_>, wait: f64| -> Result<f64> {
@@ -279,7 +278,7 @@ mod tests {
         assert_eq!((linear.of(7.0), linear.of(7.25)), (49.0, 49.0 + 0.25 * 15.0));
         // The first and the last piece are extrapolated as straight lines.
         assert_eq!((linear.of(-2.0), linear.of(1024.0)), (-2.0, 1023.0 * 1023.0 + 2045.0));
-        // The slope is a mean over four counts on both sides. For a square, it is the slope in the middle.
+        // The slope is a mean over four counts on both sides. For a square function, this mean is the slope in the middle.
         assert_eq!((linear.slope(100.9), linear.slope(0.0), linear.slope(-5.0)), (200.0, 4.0, 4.0));
         assert_eq!(linear.slope(2000.0), 1023.0 + 1019.0);
         let short = Linear { black: 0.0, curve: Some(vec![0.0, 1.0, 4.0, 9.0]) };
@@ -288,14 +287,14 @@ mod tests {
 
     const EXPOSURE: f64 = 0.02;
 
-    /// The latency of a rig with white of 50,000 counts above 100. `share` is the share of this light, for the wait in seconds and the
-    /// number of the white photo. Also returns the wait at the end.
+    /// Measures the latency of a rig whose white has 50,000 counts above 100. The function `share` gives the fraction of this light after a
+    /// wait in seconds, for the white photo of this number. Also returns the wait at the end.
     fn found(share: impl Fn(f64, usize) -> f64 + Send) -> (Latency, f64) {
         let mut whites = 0;
         let photo = move |request: &CaptureRequest, wait: f64| {
             assert_eq!(request.exposure, EXPOSURE);
             let is_white = request.frame.levels()[0] > 0;
-            // Black is always shown long enough before white.
+            // Black is always shown for the longest wait before white.
             assert!(is_white || wait == CAREFUL);
             whites += usize::from(is_white);
             let light = if is_white { 50_000.0 * share(wait, whites) } else { 0.0 };
@@ -311,7 +310,7 @@ mod tests {
     fn the_wait_is_found_after_which_all_light_is_there() {
         let late = 0.0137;
         let (latency, wait) = found(|wait, _| (1.0 - (late - wait).max(0.0) / EXPOSURE).max(0.0));
-        // Six halvings narrow the interval from 8 to 16 ms. Up to two thousandths of the light may be missing.
+        // Six bisections narrow the interval of 8 to 16 ms. Up to two thousandths of the light may be missing.
         let (value, error) = (latency.settle.value, latency.settle.error);
         assert!((error - 0.5 * 8e-3 / 64.0).abs() < 1e-12, "{error}");
         assert!((late - 2e-3 * EXPOSURE..=late + 2.0 * error).contains(&value), "{value}");
@@ -333,7 +332,7 @@ mod tests {
         assert!(latency.settle.value >= CAREFUL, "{:?}", latency.settle);
     }
 
-    /// Whites of 1 ± 0.005 scatter by 0.0058. A difference of up to five times that, 2.9 %, does not show that light is missing.
+    /// White photos of 1 ± 0.005 have a standard deviation σ of 0.0058. A difference of up to 5 σ, or 2.9 %, may be noise.
     #[test]
     fn light_is_missing_where_it_differs_by_more_than_repeated_whites_do() {
         let flickering = |after: f64| {

@@ -1,13 +1,14 @@
-//! The lens map by the edges of stripes, to hundredths of a pixel.
+//! The fit of the lens map to the edges of stripes, to hundredths of a pixel.
 //!
-//! Gray codes identify the projector pixel that a camera pixel sees, but not the place within it. A map that is fitted to them follows the
-//! rounding, by up to a tenth of a pixel at the border of the field. A camera pixel that sees the edge of a stripe is more informative. The
-//! contrast of the stripes in its photos gives its share of either side. The map is therefore fitted to the photos of the finest stripes.
+//! Gray codes identify the projector pixel that a camera pixel sees, but not the position within that projector pixel. A map that is fitted
+//! to Gray codes follows this rounding, by up to a tenth of a pixel at the border of the field. A camera pixel that sees the edge of a
+//! stripe is more informative: the contrast of the stripes in its photos shows how much of its area lies on either side of the edge. The
+//! map is therefore fitted to the photos of the finest stripes.
 //!
-//! `D_jp = d_j S_jp` is the photo of stripes `p` minus the photo of the inverse stripes, for camera pixel `j`. `d_j` is the direct light of
-//! the pixel. `S_jp` is the mean of the stripes (1 and −1) over the area that the pixel sees by the map. The map's parameters minimise the
-//! squares of `D_jp / d_j − S_jp`, by Gauss–Newton iteration with Tukey's weights. Each step eliminates `d_j` (variable projection, Kaufman
-//! 1975).
+//! For camera pixel `j`, `D_jp = d_j S_jp` is the photo of stripes `p` minus the photo of the inverse stripes. `d_j` is the direct light of
+//! the pixel. `S_jp` is the mean of the stripes (1 and −1) over the area that the pixel sees according to the map. The map's parameters
+//! minimise the squares of `D_jp / d_j − S_jp`, by Gauss–Newton iteration with Tukey's weights. Each step eliminates `d_j` (variable
+//! projection, Kaufman 1975).
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -21,7 +22,7 @@ use crate::image::{Resolution, percentile};
 use crate::measure::footprint::{area, corners, overlapped};
 use crate::measure::lens_map::{LensMap, PARAMETERS, centre, evaluate, half_diagonal, normalized};
 
-/// About this many camera pixels are used. They are drawn at random where the camera has more.
+/// The approximate number of camera pixels that are used. If the camera has more, they are drawn at random.
 const MOST: f64 = 40_000.0;
 
 const STEPS: usize = 20;
@@ -29,40 +30,40 @@ const STEPS: usize = 20;
 /// The iteration ends when a step moves the map by less than this many projector pixels.
 const SMALLEST_STEP: f64 = 1e-5;
 
-/// The derivative of the stripes is a difference over this distance, in projector pixels.
+/// The derivative of the stripes is computed as a difference over this distance, in projector pixels.
 const SHIFT: f64 = 0.02;
 
-/// The error of the model, as a share of the direct light. Pixels also see light that the stripes send by way of other surfaces, and
-/// surfaces whose brightness changes within the pixel.
+/// The error of the model, as a fraction of the direct light. The model neglects light of the stripes that reaches a pixel by way of other
+/// surfaces, and changes of the brightness within a pixel.
 const MODEL: f64 = 0.01;
 
-/// A camera pixel is left out when its misfit is more than this many times the median misfit.
+/// A camera pixel is left out when its misfit is at least the median misfit times this factor.
 const LIMIT: f64 = 5.0;
 
-/// The largest number of stripe kinds that are used: the two finest of each axis.
+/// The largest number of stripe patterns that are used: the two finest patterns of each axis.
 const PLANES: usize = 4;
 
-/// A camera pixel with one equation for each kind of stripes.
+/// A camera pixel with one equation for each stripe pattern.
 struct EdgePixel {
     equations: Equations<PLANES>,
-    /// The projector's column and row.
+    /// The column and the row of the projector pixel that the camera pixel sees.
     near: [u64; 2],
 }
 
 impl EdgePixel {
-    /// The size of the residuals in units of the expected noise.
+    /// The norm of the residuals, in units of the expected noise.
     fn misfit(&self) -> f64 {
         (self.equations.weight * self.equations.residuals.iter().map(|r| r * r).sum::<f64>()).sqrt()
     }
 
-    /// The equations with a weight that is 0 for a misfit of at least `limit`.
+    /// The equations with a robust weight. The weight is 0 when the misfit is at least `limit`.
     fn robust(&self, limit: f64) -> Equations<PLANES> {
         Equations { weight: self.equations.weight * weight(self.misfit(), limit), ..self.equations }
     }
 }
 
-/// Fits the map to the stripes, starting from a map that is right to about a pixel.
-/// Fails with [`crate::Error::Numerical`] when too few camera pixels see the edges of stripes.
+/// Fits the map to the stripes. The iteration starts from a map whose error is about one pixel. Fails with [`crate::Error::Numerical`] when
+/// too few camera pixels see the edges of stripes.
 pub(crate) fn refined(first: &Fit, decoded: &Decoded) -> Result<Fit> {
     let mut map = first.map.clone();
     let pixels = chosen(decoded);
@@ -79,7 +80,7 @@ pub(crate) fn refined(first: &Fit, decoded: &Decoded) -> Result<Fit> {
     Ok(Fit { map, error, ..first.clone() })
 }
 
-/// The camera pixels whose light is known, because they are lit and not saturated.
+/// Chooses camera pixels that are lit and not saturated, so that their direct light is known.
 fn chosen(decoded: &Decoded) -> Vec<usize> {
     let usable = |pixel: &usize| decoded.lit[*pixel] && !decoded.saturated[*pixel];
     let all: Vec<usize> = (0..decoded.lit.len()).filter(usable).collect();
@@ -92,7 +93,7 @@ fn equations(map: &LensMap, decoded: &Decoded, pixels: &[usize]) -> Vec<EdgePixe
     pixels.par_iter().filter_map(|&pixel| of_pixel(map, decoded, pixel)).collect()
 }
 
-/// The equations of one camera pixel. It is `None` when the pixel sees no edge, or when its direct light is unknown.
+/// Sets up the equations of one camera pixel. Returns `None` when the pixel sees no edge, or when its direct light is unknown.
 fn of_pixel(map: &LensMap, decoded: &Decoded, pixel: usize) -> Option<EdgePixel> {
     let seen = corners(map, pixel);
     let stripes = |right: f64, down: f64| {
@@ -107,7 +108,7 @@ fn of_pixel(map: &LensMap, decoded: &Decoded, pixel: usize) -> Option<EdgePixel>
     if !(square > 0.25 && direct > SIGMAS * decoded.noise[pixel]) {
         return None;
     }
-    // A change of the stripes counts only as far as a change of the direct light does not explain it.
+    // A change of the direct light can explain a part of a change of the stripes. This part is removed.
     let change = |more: [f64; PLANES], less: [f64; PLANES]| {
         let change: [f64; PLANES] = std::array::from_fn(|plane| (more[plane] - less[plane]) / (2.0 * SHIFT));
         let along = product(&change, &expected) / square;
@@ -133,7 +134,7 @@ fn of_pixel(map: &LensMap, decoded: &Decoded, pixel: usize) -> Option<EdgePixel>
     })
 }
 
-/// The mean of each kind of stripes over the area that a camera pixel sees. The outside of the raster is dark.
+/// The mean of each stripe pattern over the area that a camera pixel sees. The stripes are 0 outside the raster.
 fn mean_stripes(seen: [[f64; 2]; 4], projector: Resolution, decoded: &Decoded) -> [f64; PLANES] {
     let mut mean = [0.0; PLANES];
     for (at, common) in overlapped(seen, projector) {
@@ -152,14 +153,14 @@ fn normal_equations(equations: &[EdgePixel]) -> Normal {
     normal
 }
 
-/// A camera pixel is left out when its misfit is at least this.
+/// The misfit from which a camera pixel is left out.
 fn limit(equations: &[EdgePixel]) -> f64 {
     LIMIT * percentile(equations.iter().map(EdgePixel::misfit), 0.5).max(f64::MIN_POSITIVE)
 }
 
-/// The standard error of the map, root mean square over the camera pixels, in projector pixels. Light that one surface sends to another
-/// misleads all camera pixels along an edge alike. Residuals are therefore summed per row and column before they are squared
-/// (cluster-robust covariance).
+/// The standard error of the map, in projector pixels: the root mean square over the camera pixels. Interreflections mislead all camera
+/// pixels along an edge alike. Residuals are therefore summed per projector row and column before they are squared (cluster-robust
+/// covariance).
 fn field_error(map: &LensMap, equations: &[EdgePixel], pixels: &[usize]) -> Result<f64> {
     let limit = limit(equations);
     let inverse = normal_equations(equations).solve()?.covariance;
@@ -212,8 +213,8 @@ mod tests {
         }
     }
 
-    /// Photos of stripes by a camera with the map `truth`, with noise of this standard deviation. The direct light differs from pixel to
-    /// pixel, and every seventh pixel sees other light.
+    /// Photos of stripes by a camera with the map `truth`. `noise` is the standard deviation of the noise. The direct light differs from
+    /// pixel to pixel, and every seventh pixel also sees stray light.
     fn decoded(truth: &LensMap, noise: f64) -> Decoded {
         let pixels = truth.camera.pixels();
         let empty = |axis, bit| Stripes { axis, bit, difference: vec![0.0; pixels] };
@@ -244,7 +245,7 @@ mod tests {
         decoded
     }
 
-    /// The map from whole-pixel codes.
+    /// The map that is fitted to whole-pixel codes.
     fn by_codes(truth: &LensMap) -> Fit {
         let matches: Vec<Match> = (0..truth.camera.pixels())
             .map(|pixel| centre(pixel, truth.camera))
@@ -261,11 +262,11 @@ mod tests {
         let off = [&first.map, &found.map].map(|map| farthest(map, &truth));
         assert!(off[0] > 0.05, "rounding misleads the first map, most of all in the corners: {off:?}");
         assert!(off[1] < 0.01, "{off:?}");
-        // The largest error of five points is one to several standard errors.
+        // The largest error among five points is a few times the standard error.
         assert!((0.3..5.0).contains(&(off[1] / found.error)), "{off:?}, stated {}", found.error);
     }
 
-    /// A slope is the change of a residual with a map parameter, with the direct light adjusted to each map.
+    /// A slope is the change of a residual with a map parameter, while the direct light is adjusted to each map.
     #[test]
     fn slopes_are_the_derivatives_of_the_residuals() {
         let truth = truth();
@@ -296,7 +297,7 @@ mod tests {
                 }
             }
         }
-        // The stripes are differentiated over 0.02 pixels. Within this distance, an edge may enter or leave the footprint.
+        // The derivative is a difference over 0.02 pixels. Within this distance, an edge may enter or leave the footprint.
         assert!(compared > 1000 && agree * 5 > compared * 4, "{agree} of {compared}");
     }
 
@@ -316,7 +317,8 @@ mod tests {
         assert_eq!(chosen(&of(small.camera)).len(), small.camera.pixels());
         let large = chosen(&of(Resolution::new(400, 200)));
         let left = large.iter().filter(|pixel| *pixel % 400 < 200).count();
-        // Each of 80,000 pixels is chosen with a probability of one half: a standard deviation of 141, and of 100 in either half.
+        // Each of 80,000 pixels is chosen with a probability of one half. The standard deviation is 141 for the number of chosen pixels,
+        // and 100 for the number in each half of the image.
         assert!((large.len() as f64 - MOST).abs() < 4.0 * 141.0, "{}", large.len());
         assert!((left as f64 - 0.5 * MOST).abs() < 4.0 * 100.0, "{left}");
     }

@@ -1,4 +1,4 @@
-//! Gray codes, and structured light without a whole calibration. It can be repeated as often as needed while a bench is set up.
+//! Gray codes, and structured light without a full calibration. The measurement can be repeated as often as needed while a bench is set up.
 
 use super::camera::transfer;
 use super::exposure::{WhiteExposure, fill, search};
@@ -11,22 +11,22 @@ use crate::measure::lens_map::{Match, centre};
 use crate::measure::{CameraResponse, FrameSource};
 use crate::rig::RawFrame;
 
-/// Without a known calibration, the noise is measured from this many pairs of equal frames at each of three brightnesses.
+/// The number of pairs of equal frames at each of three brightnesses, from which the noise is measured when no calibration is known.
 const PAIRS: usize = 2;
 
-/// Without a known calibration, counts of at least this share of the range are regarded as saturated.
+/// When no calibration is known, counts of at least this fraction of the range are regarded as saturated.
 const LIMIT: f64 = 0.98;
 
-/// Takes photos of structured light on an open rig, all with one exposure. Values are linear DN, summed over the camera's channels.
+/// Takes photos of structured light on an open rig, all with one exposure. Photos are in linear DN, summed over the camera's channels.
 pub struct StructuredLight<'a> {
     session: CalibrationSession<'a>,
     model: CameraModel,
 }
 
 impl<'a> StructuredLight<'a> {
-    /// Takes photos from `frames` with this exposure in seconds. Without one, the exposure is chosen so that
-    /// white fills the camera's range. When the camera's response is not `known`, black level and noise are
-    /// measured from a few photos, and the response is assumed to be linear.
+    /// Takes photos from `frames` with the given exposure in seconds, or else with the exposure at which white fills the camera's range.
+    /// When the camera's response is not `known`, black level and noise are measured from a few photos, and the response is assumed to be
+    /// linear.
     ///
     /// # Errors
     /// [`crate::Error::Rig`] when the rig fails or does not see white; [`crate::Error::Saturated`] when white always saturates the camera.
@@ -62,7 +62,7 @@ impl<'a> StructuredLight<'a> {
         Ok(Self { session, model })
     }
 
-    /// The exposure in seconds at which white fills about 70 % of the camera's range, and whether the camera has such an exposure.
+    /// Finds the exposure in seconds at which white fills about 70 % of the camera's range, and whether the camera has such an exposure.
     pub fn white_exposure(frames: &mut dyn FrameSource) -> Result<(f64, WhiteExposure)> {
         let mut session = CalibrationSession::new(frames);
         let white = session.filled(session.top());
@@ -90,7 +90,7 @@ impl<'a> StructuredLight<'a> {
         gray_code(&mut self.session, &self.model, coarse)
     }
 
-    /// The map from camera to projector that most of the decoded pixels agree on.
+    /// Fits the map from camera to projector on which most of the decoded pixels agree.
     ///
     /// # Errors
     /// [`crate::Error::Rig`] when there is no such map.
@@ -103,56 +103,57 @@ impl<'a> StructuredLight<'a> {
         fit(&matches, camera, self.projector(), 0.41 * decoded.step as f64)
     }
 
-    /// The photo of a pattern of the pixels (column, row) that are `lit`: one value per camera pixel.
+    /// Photographs a pattern whose pixels (column, row) are bright where `lit` is true. The photo has one value per camera pixel.
     pub fn photograph(&mut self, lit: impl Fn(usize, usize) -> bool) -> Result<Vec<f64>> {
         sum(&mut self.session, &self.model, lit)
     }
 
-    /// The variance of a photo's value, in linear DN², where the light is `light` linear DN.
+    /// The variance of a pixel of the photo, in linear DN², for `light` in linear DN.
     pub fn variance(&self, light: f64) -> f64 {
         let channels = self.session.camera().channels as f64;
         light.max(0.0) / self.model.gain + channels * (self.model.read_noise.powi(2) + 1.0 / 12.0)
     }
 }
 
-// Gray codes: which projector pixel each camera pixel sees (O'Toole and Kutulakos, section 8.1).
+// Gray codes show which projector pixel each camera pixel sees (O'Toole and Kutulakos, section 8.1).
 //
-// The numbers of columns and rows are projected bit by bit in Gray code, each bit with its inverse. A camera pixel reads a bit by comparing
-// the two photos. Global light is nearly the same in both, because it does not resolve fine stripes. A pixel is left out when its direct
-// light does not decide a bit. The difference of the photos must be a sufficient part of the direct light, which the finest stripes measure
-// (Xu and Aliaga 2007).
+// The numbers of columns and rows are projected bit by bit in Gray code, each bit together with its inverse. A camera pixel decodes a bit
+// by comparing the two photos. Global light is nearly the same in both photos, because it does not resolve fine stripes. A bit is decided
+// only if the difference of the two photos is a sufficient fraction of the direct light, which the finest stripes measure (Xu and Aliaga
+// 2007). A camera pixel with an undecided bit is left out.
 
-/// A bit is decided only when the difference of pattern and inverse is at least this share of the direct light.
+/// A bit is decided only when the difference of pattern and inverse is at least this fraction of the direct light.
 const DECIDED: f64 = 0.25;
 
 /// A bit is decided only when the difference is at least this many standard deviations of its noise.
 pub(crate) const SIGMAS: f64 = 5.0;
 
-/// A camera pixel is lit when it has at least this share of the median light. The median is over all pixels that stand out from the noise.
+/// A lit camera pixel has at least this fraction of the median light, which is taken over all pixels whose light exceeds the noise.
 const LIT: f64 = 0.02;
 
-/// A decoded camera pixel: the projector coordinates that it sees.
+/// A decoded camera pixel and the projector coordinates that it sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DecodedPixel {
     /// The index of the camera pixel.
     pub pixel: usize,
-    /// The centre of the projector pixels that it may see, in pixels from the top left corner of the raster.
+    /// The centre of the projector pixels that the camera pixel may see, in pixels from the top left corner of the raster.
     pub at: [f64; 2],
-    /// The centroid of the projector pixels that it sees, to fractions of a pixel. It follows from the
-    /// contrast of the stripes whose edges the camera pixel sees.
+    /// The centroid of the projector pixels that the camera pixel sees, to fractions of a pixel. It follows from the contrast of the
+    /// stripes whose edges the camera pixel sees.
     pub fine: [f64; 2],
 }
 
-/// The result of decoding. Photos have one value per camera pixel, in linear DN summed over channels.
+/// The result of decoding Gray codes. Photos have one value per camera pixel, in linear DN summed over channels.
 #[derive(Clone, Debug)]
 pub struct Decoded {
     /// The camera pixels that were decoded.
     pub seen: Vec<DecodedPixel>,
-    /// The camera pixels that see the edge between two steps, so that one bit is undecided. Their `fine` coordinates are equally good.
+    /// The camera pixels at the edge between two steps of the code, so that one bit is undecided. Their `fine` coordinates are equally
+    /// precise.
     pub between: Vec<DecodedPixel>,
-    /// Which camera pixels the projector lights.
+    /// For each camera pixel, whether the projector lights it.
     pub lit: Vec<bool>,
-    /// The share of lit pixels that were not decoded.
+    /// The fraction of lit pixels that were not decoded.
     pub unreliable: f64,
     /// The number of projector pixels per step of the decoded coordinates. It exceeds 1 when fine bits were left out.
     pub step: usize,
@@ -164,9 +165,9 @@ pub struct Decoded {
     pub direct: Vec<f64>,
     /// The standard deviation of `white`, and of every other difference of two photos.
     pub noise: Vec<f64>,
-    /// Which camera pixels are saturated under white.
+    /// For each camera pixel, whether it is saturated under white.
     pub saturated: Vec<bool>,
-    /// The photos of the two finest kinds of stripes along each axis.
+    /// The differences for the two finest stripe patterns along each axis.
     pub stripes: Vec<Stripes>,
 }
 
@@ -175,7 +176,7 @@ pub struct Decoded {
 pub struct Stripes {
     /// The axis along which the stripes alternate: 0 for columns, 1 for rows.
     pub axis: usize,
-    /// The bit of the Gray code that they show.
+    /// The bit of the Gray code that the stripes show.
     pub bit: u32,
     /// The difference of the two photos, one value per camera pixel.
     pub difference: Vec<f64>,
@@ -195,7 +196,7 @@ pub(crate) fn from_gray(code: usize) -> usize {
 }
 
 impl Decoded {
-    /// All camera pixels with fractional coordinates.
+    /// All camera pixels with fractional coordinates: `seen`, then `between`.
     pub fn all(&self) -> impl Iterator<Item = &DecodedPixel> {
         self.seen.iter().chain(&self.between)
     }
@@ -240,7 +241,7 @@ pub(crate) fn gray_code(
     let (mut seen, mut between) = (Vec::new(), Vec::new());
     for pixel in (0..difference.len()).filter(|&pixel| lit[pixel]) {
         let threshold = (DECIDED * direct[pixel]).max(SIGMAS * noise[pixel]);
-        // The centre and the centroid along an axis, and whether every bit is decided.
+        // Computes the centre and the centroid along an axis, and whether every bit is decided.
         let place = |axis: usize, size: usize| -> Option<(f64, f64, bool)> {
             let (mut code, mut undecided) = (0, 0);
             for (shift, plane) in &axes[axis] {
@@ -249,7 +250,7 @@ pub(crate) fn gray_code(
                 undecided |= if plane[pixel].abs() < threshold { bit } else { 0 };
             }
             let index = from_gray(code);
-            // If a pixel sees the edge between two steps, the one bit in which they differ may stay undecided.
+            // If a pixel sees the edge between two steps, the bit in which the two steps differ may stay undecided.
             if undecided != 0 && from_gray(code ^ undecided).abs_diff(index) != 1 {
                 return None;
             }
@@ -287,7 +288,7 @@ pub(crate) fn sum(
     Ok(photo(session, model, lit)?.0)
 }
 
-/// The photo of a pattern, and which camera pixels have a saturated channel.
+/// The photo of a pattern, and for each camera pixel whether a channel is saturated.
 pub(crate) fn photo(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel,
@@ -304,7 +305,7 @@ pub(crate) fn photo(
     Ok((values, peaks.chunks_exact(channels).map(over).collect()))
 }
 
-/// Which camera pixels the projector lights: `difference` is white less black.
+/// For each camera pixel, whether the projector lights it. `difference` is the photo of white minus the photo of black.
 fn lit(difference: &[f64], noise: impl Fn(usize) -> f64) -> Vec<bool> {
     let above: Vec<f64> = (0..difference.len())
         .filter(|&pixel| difference[pixel] > SIGMAS * noise(pixel))

@@ -16,9 +16,9 @@ use rayon::prelude::*;
 use super::Scene;
 use super::view::intersection;
 
-/// The largest number of boxes for which the slow, thorough builder is used. At this number it takes about 50 ms and saves up to a seventh
-/// of the work for each ray. With 100,000 boxes it costs 0.13 s more than the medium builder, with a million 2.7 s, and no gain was
-/// measured on tessellated, bumpy boxes of that size.
+/// The largest number of boxes for which the slow, thorough builder is used. At this number, the builder takes about 50 ms and saves up to
+/// a seventh of the work for each ray. Compared with the medium builder, it takes 0.13 s longer for 100,000 boxes and 2.7 s longer for a
+/// million boxes. For tessellated, bumpy boxes of that size, no gain was measured.
 const MAX_THOROUGH: usize = 1 << 15;
 
 /// The number of levels that the shaders' traversal stack can store.
@@ -45,10 +45,10 @@ impl Bvh {
     }
 }
 
-/// The tree over boxes, of at most [`MAX_DEPTH`] levels.
+/// Builds the tree over boxes, of at most [`MAX_DEPTH`] levels.
 ///
-/// If many boxes lie at one point, the builders that compare the costs of trees take long and build deep trees. In that case a balanced
-/// tree is built instead. Its depth is the logarithm of the number of boxes.
+/// If many boxes lie at one point, cost-based builders take long and build deep trees. In that case, a balanced tree is built instead. Its
+/// depth is the logarithm of the number of boxes.
 pub(super) fn tree(boxes: impl Iterator<Item = [Vec3; 2]>) -> CwBvh {
     let boxes: Vec<_> = boxes.map(|[low, high]| Aabb::new(low.into(), high.into())).collect();
     let params = match boxes.len() {
@@ -64,7 +64,7 @@ pub(super) fn tree(boxes: impl Iterator<Item = [Vec3; 2]>) -> CwBvh {
     }
 }
 
-/// A binary tree with equally many boxes in both halves. Each node is split along the axis on which its boxes are spread most.
+/// A binary tree with equally many boxes in both halves. Each node is split along the axis with the largest spread of its boxes.
 fn balanced(boxes: &[Aabb]) -> Bvh2 {
     let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
     let mut nodes = vec![Bvh2Node::new(Aabb::empty(), 0, 0)];
@@ -72,7 +72,7 @@ fn balanced(boxes: &[Aabb]) -> Bvh2 {
     Bvh2 { nodes, primitive_indices: order, ..Bvh2::default() }
 }
 
-/// Makes the node `at` and the nodes below it from the boxes `order`. In the order of all boxes, these start at `first`.
+/// Makes the node `at` and its descendants from the boxes `order`, which start at index `first` in the order of all boxes.
 fn split(boxes: &[Aabb], order: &mut [u32], first: usize, at: usize, nodes: &mut Vec<Bvh2Node>) {
     let all =
         |indices: &[u32]| indices.iter().fold(Aabb::empty(), |all, &index| all.union(&boxes[index as usize]));
@@ -125,7 +125,7 @@ pub struct SurfacePoint {
     pub distance: f32,
 }
 
-/// The first surface on each ray from `origin`. The directions have unit length. Rays pass through holes of a surface.
+/// The first surface on each ray from `origin`. The directions have unit length. Rays pass through points for which `is_hole` is true.
 pub fn first_hits(
     scene: &Scene,
     origin: Vec3,
@@ -169,7 +169,7 @@ mod tests {
     use crate::error::Result;
     use crate::image::Resolution;
 
-    /// Builds a tree over triangles and asserts that this is fast and that each box occurs once.
+    /// Builds a tree over triangles. Asserts that building is fast and that each box occurs once.
     fn check(what: &str, triangles: impl Iterator<Item = [Vec3; 3]>) {
         let extent = |corners: [Vec3; 3]| {
             corners.iter().fold([corners[0]; 2], |[low, high], c| [low.min(*c), high.max(*c)])
@@ -177,7 +177,7 @@ mod tests {
         let boxes: Vec<_> = triangles.map(extent).collect();
         let start = Instant::now();
         let mut order = Bvh::build(boxes.iter().copied()).order;
-        // This takes a fraction of a second; debug builds and busy machines take longer.
+        // Building takes a fraction of a second, but longer in debug builds and on busy machines.
         assert!(start.elapsed() < Duration::from_secs(20), "{what}: {:?}", start.elapsed());
         order.sort_unstable();
         assert!(order.into_iter().eq(0..boxes.len() as u32), "{what}");
@@ -236,7 +236,7 @@ mod tests {
         assert_eq!(distances, rays.iter().map(all).collect::<Vec<_>>());
         assert!(found.iter().flatten().count() > 100, "the ball and its room are in view");
 
-        // If everything is a hole, nothing is hit. If the first surface is a hole, the next one is hit.
+        // If all points are holes, no ray hits a surface. If the first surface is a hole, the next surface is hit.
         assert!(first_hits(&scene, origin, &rays, |_| true).iter().all(Option::is_none));
         let first = found.iter().flatten().next().map(|hit| hit.triangle);
         let behind = first_hits(&scene, origin, &rays, |point| Some(point.triangle) == first);

@@ -6,10 +6,10 @@ use super::{Material, Triangle};
 use crate::image::Resolution;
 
 /// A pinhole or thin-lens camera with an image plane at unit distance. The file states the vertical field of view. The horizontal field
-/// follows from the resolution, since pixels are square.
+/// follows from the resolution, because pixels are square.
 ///
-/// The continuous raster point `(u, v)`, with `u` in `[0, w]` from the left and `v` in `[0, h]` from the top, looks along
-/// `forward + (2u/w − 1)·(w/h)·tan_half_fov·right − (2v/h − 1)·tan_half_fov·up`.
+/// A continuous raster point has the coordinates `u` in `[0, w]` from the left and `v` in `[0, h]` from the top. The ray through it has the
+/// direction `forward + (2u/w − 1)·(w/h)·tan_half_fov·right − (2v/h − 1)·tan_half_fov·up`.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Camera {
     /// The name of the camera's node in the file.
@@ -40,13 +40,13 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// A pinhole: everything is in focus.
+    /// A pinhole. All distances are in focus.
     pub const PINHOLE: Self = Self { radius: 0.0, focus: 1.0 };
 
     pub(super) const HELP: &str =
         "an open aperture needs its radius and the distance of the plane in focus, in metres";
 
-    /// The lens that a file states. Without a radius it is a pinhole. `Err` is a predicate for a sentence about the camera.
+    /// The lens that a file states: a pinhole if no radius is stated. `Err` is a predicate for a sentence about the camera.
     pub(super) fn checked(radius: Option<f64>, focus: Option<f64>) -> Result<Self, String> {
         let radius = radius.unwrap_or(0.0);
         if !(radius.is_finite() && radius >= 0.0) {
@@ -54,7 +54,7 @@ impl Lens {
         }
         match focus {
             _ if radius as f32 == 0.0 => Ok(Self::PINHOLE),
-            // The check uses single precision, where a tiny or huge distance rounds to zero or infinity.
+            // The check uses single precision, because a very small or large distance rounds to zero or infinity there.
             Some(focus) if (focus as f32).is_finite() && focus as f32 > 0.0 => {
                 Ok(Self { radius: radius as f32, focus: focus as f32 })
             }
@@ -79,14 +79,14 @@ pub(super) fn tan_half(field: f64) -> Option<f32> {
 /// A camera with its position in the file's coordinates, in double precision.
 #[derive(Clone)]
 pub(super) struct Posed {
-    /// The camera. Its position has no meaning here.
+    /// The camera. Its field `position` is not used here.
     pub camera: Camera,
     /// The position in the file's coordinates.
     pub position: DVec3,
 }
 
 impl Posed {
-    /// The camera in coordinates whose origin lies at `origin`.
+    /// The camera in coordinates with their origin at `origin`.
     pub(super) fn around(self, origin: DVec3) -> Camera {
         Camera { position: (self.position - origin).as_vec3(), ..self.camera }
     }
@@ -97,7 +97,7 @@ impl Camera {
     pub const PLACED: &str = "auto";
 
     /// A pinhole with a field of view of 40° that sees all of these triangles from the front (+Z, as in glTF), somewhat from the right and
-    /// above. If nearly all surfaces turn their black backs to it, it stands behind, beside or below the scene instead.
+    /// above. If nearly all surfaces turn black backs to this camera, it is placed behind, beside or below the scene instead.
     pub fn in_front_of(triangles: &[Triangle], materials: &[Material]) -> Self {
         let corners = || triangles.iter().flat_map(|triangle| triangle.positions);
         let low = corners().fold(Vec3::INFINITY, Vec3::min);
@@ -105,7 +105,7 @@ impl Camera {
         let (centre, radius) = (0.5 * (low + high), (0.5 * (high - low).length()).max(f32::MIN_POSITIVE));
         let half_field = 20.0_f32.to_radians();
         let forward = -side_to_see(triangles, materials);
-        // The sphere around the scene touches the edges of the picture.
+        // The bounding sphere of the scene touches the edges of the picture.
         let position = centre - radius / half_field.sin() * forward;
         let right = forward.cross(Vec3::Y).normalize();
         let (up, tan_half_fov) = (right.cross(forward), half_field.tan());
@@ -113,7 +113,7 @@ impl Camera {
         Self { name, position, right, up, forward, tan_half_fov, aspect: None, lens }
     }
 
-    /// The `[camera]` table of a camera file that places this camera. `origin` is the origin of the scene's coordinates
+    /// The `[camera]` table of a camera file for this camera. `origin` is the origin of the scene's coordinates
     /// ([`Scene::origin`](super::Scene::origin)).
     pub fn to_toml(&self, origin: DVec3) -> String {
         let vector = |v: Vec3| format!("[{}, {}, {}]", v.x, v.y, v.z);
@@ -135,7 +135,7 @@ impl Camera {
         text
     }
 
-    /// Whether `other` has the same pose, field of view and lens, up to rounding. The visible surfaces are about `distance` metres away.
+    /// Whether `other` has the same pose, field of view and lens, up to rounding. `distance` is the distance of visible surfaces in metres.
     pub fn coincides(&self, other: &Self, distance: f32) -> bool {
         let close = |a: Vec3, b: Vec3, unit: f32| a.distance(b) <= 1e-6 * (unit + a.length());
         close(self.position, other.position, distance)
@@ -154,8 +154,8 @@ impl Camera {
         self.forward + x * self.right + y * self.up
     }
 
-    /// The raster point `(u, v)` at which the camera sees `point`: the inverse of [`Camera::ray_direction`]. `None` when the point does not
-    /// lie in front of the camera. A result outside `[0, w]` × `[0, h]` lies in front of the camera but out of view.
+    /// The raster point `(u, v)` at which the camera sees `point`: the inverse of [`Camera::ray_direction`]. `None` when the point is not
+    /// in front of the camera. A point in front of the camera that is out of view has a result outside `[0, w]` × `[0, h]`.
     pub fn project(&self, point: Vec3, resolution: Resolution) -> Option<(f32, f32)> {
         let offset = point - self.position;
         let depth = offset.dot(self.forward);
@@ -168,8 +168,8 @@ impl Camera {
         Some(((1.0 + x) / 2.0 * resolution.width as f32, (1.0 - y) / 2.0 * resolution.height as f32))
     }
 
-    /// The share of the picture, in its file's shape, that photos of this resolution cut off at the left and right. `None` if they show all
-    /// of it, up to half a pixel on each side.
+    /// The fraction of the picture, in the shape stated by its file, that photos of this resolution cut off at the left and right. `None`
+    /// if at most half a pixel is cut off on each side.
     pub fn cropped(&self, resolution: Resolution) -> Option<f64> {
         let whole = f64::from(self.aspect?) * resolution.height as f64;
         let width = resolution.width as f64;
@@ -192,10 +192,10 @@ const SIDES: [Vec3; 5] = [
     Vec3::new(0.5, -1.0, 1.0),
 ];
 
-/// The least share of the best side's visible surface that makes a preferred side good enough.
+/// A preferred side is chosen if the surface visible from it is at least this fraction of the surface visible from the best side.
 const ENOUGH: f32 = 0.1;
 
-/// The unit vector from a scene to a camera that sees fronts of its surfaces.
+/// The unit vector from a scene to a camera that sees the fronts of the scene's surfaces.
 fn side_to_see(triangles: &[Triangle], materials: &[Material]) -> Vec3 {
     let sides = SIDES.map(|side| side.normalize());
     let mut seen = [0.0_f32; SIDES.len()];
@@ -250,7 +250,7 @@ mod tests {
             let point = camera.position + 3.0 * camera.ray_direction(u, v, resolution);
             let (back_u, back_v) =
                 camera.project(point, resolution).expect("the point lies in front of the camera");
-            // The tolerance allows a few roundings of numbers below 10.
+            // The tolerance allows for a few roundings of numbers below 10.
             assert!((back_u - u).abs() < 1e-5 && (back_v - v).abs() < 1e-5, "{u} {v} → {back_u} {back_v}");
         }
     }
@@ -260,7 +260,7 @@ mod tests {
         for (aspect, size, share) in [
             (16.0 / 9.0, [128, 128], Some(7.0 / 16.0)),
             (16.0 / 9.0, [128, 72], None),
-            // Half a pixel on each side is tolerated.
+            // A loss of half a pixel on each side is tolerated.
             (2.0, [143, 72], None),
             (2.0, [142, 72], Some(1.0 / 72.0)),
             (16.0 / 9.0, [160, 72], None),
@@ -277,7 +277,7 @@ mod tests {
                 (found.unwrap_or(0.0) - share.unwrap_or(0.0)).abs() < 1e-6,
                 "{aspect} {size:?}: {found:?}"
             );
-            // The photo ends at its last column; the picture extends to where a raster of its shape would end.
+            // The photo ends at its last column. The picture of the stated shape extends farther.
             let [edge, _] = camera.half_extents(resolution);
             let left_out = 1.0 - f64::from(edge / (camera.tan_half_fov * aspect));
             assert!((found.unwrap_or(left_out) - left_out).abs() < 1e-6, "{aspect} {size:?}");

@@ -18,7 +18,7 @@
 //!
 //! If `NAME.rig.toml` is next to the scene `NAME.EXT`, its poses replace the scene's poses.
 //!
-//! A camera file describes no devices. A rig file does; [`crate::measure`] reads it.
+//! A camera file describes only geometry. Devices are described by a rig file, which [`crate::measure`] reads.
 
 use std::path::Path;
 
@@ -32,13 +32,13 @@ use crate::error::{Error, Result};
 use crate::file;
 use crate::image::Resolution;
 
-/// The cameras that the files of a scene state.
+/// The cameras that the scene's files state.
 #[derive(Default)]
 pub(super) struct Cameras {
     /// The bytes of the camera file, which enter the scene's hash.
     pub bytes: Vec<u8>,
     pub camera: Option<Posed>,
-    /// `None` in a coaxial rig, where the projector has the camera's geometry.
+    /// The projector. `None` in a coaxial rig, where it has the camera's geometry.
     pub projector: Option<Posed>,
     pub projector_resolution: Option<Resolution>,
 }
@@ -63,7 +63,7 @@ struct View {
     resolution: Option<[usize; 2]>,
 }
 
-/// The camera file of a scene: the file that the options name, or the file next to the scene.
+/// Finds the camera file of a scene: the file given in the options, or the file next to the scene.
 pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<Cameras>> {
     if let Some(path) = options.camera_file {
         let file = read(path)?;
@@ -77,7 +77,7 @@ pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<Cam
         return Ok(Some(file));
     }
     let neighbour = scene.with_extension("rig.toml");
-    // A user who names a camera of the scene does not want the poses of the neighbouring file.
+    // If the options name a camera of the scene, the file next to the scene is ignored.
     if options.camera.is_some() || !neighbour.is_file() {
         return Ok(None);
     }
@@ -109,7 +109,7 @@ fn read(path: &Path) -> Result<Cameras> {
 }
 
 impl View {
-    /// The camera that a table describes, and the resolution that it states. Errors name the file and the table.
+    /// The camera that a table describes, and its resolution if stated. Errors name the file and the table.
     fn posed(self, path: &Path, table: &str) -> Result<(Posed, Option<Resolution>)> {
         let fault = |what: String| Error::scene(path, format!("[{table}] {what}"));
         let [right, up, forward] = self.axes(fault)?;
@@ -153,14 +153,14 @@ impl View {
         let up = self.up.map_or(DVec3::Y, DVec3::from_array);
         let axes = forward.try_normalize().and_then(|forward| {
             let right = forward.cross(up.try_normalize()?);
-            // If the two axes are closer to parallel than this, rounding decides the result.
+            // If the axes are closer to parallel than this, rounding determines the result.
             (right.length() > 1e-6).then(|| (right.normalize(), forward))
         });
         let Some((right, forward)) = axes else {
             return Err(fault("has no direction of view, or one that is parallel to up".into())
                 .help("give a direction that is not zero, and an up that is not parallel to it"));
         };
-        // Adding zero turns −0 into 0.
+        // Adding zero converts −0 to 0.
         Ok([right, right.cross(forward), forward].map(|axis| axis.as_vec3() + Vec3::ZERO))
     }
 }

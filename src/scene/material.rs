@@ -1,21 +1,20 @@
-//! Surface materials and their textures: glTF metallic–roughness with `KHR_materials_specular`, `ior`,
-//! `transmission`, `volume` and `diffuse_transmission`.
+//! Surface materials and their textures: glTF metallic–roughness with `KHR_materials_specular`, `ior`, `transmission`, `volume` and
+//! `diffuse_transmission`.
 
 use glam::{Affine2, Vec3};
 
-/// A reciprocal surface material. Colours are linear, with sRGB primaries. A texture multiplies its factor by
-/// the channels that glTF assigns to it.
+/// A reciprocal surface material. Colours are linear, with sRGB primaries. A texture's channels multiply the factors as glTF defines.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Material {
     /// The name in the file, or `material N`.
     pub name: String,
     /// Base colour factor, `[0, 1]` per channel. It also tints transmitted light.
     pub base_color: Vec3,
-    /// Coverage, `[0, 1]`: the alpha of the base colour factor. [`Material::alpha_mode`] says how it is used.
+    /// Coverage, `[0, 1]`: the alpha of the base colour factor. [`Material::alpha_mode`] determines its effect.
     pub opacity: f32,
     /// RGB (sRGB) for [`Material::base_color`], alpha for [`Material::opacity`].
     pub base_color_texture: Option<TextureRef>,
-    /// How the opacity is used.
+    /// The effect of the opacity.
     pub alpha_mode: AlphaMode,
     /// 0 for a dielectric, 1 for a metal.
     pub metallic: f32,
@@ -25,7 +24,7 @@ pub struct Material {
     pub metallic_roughness_texture: Option<TextureRef>,
     /// RGB encodes the shading normal in the frame of the texture coordinates.
     pub normal_texture: Option<TextureRef>,
-    /// Factor of the first two components of the normal from the texture.
+    /// Factor for the first two components of the texture's normal.
     pub normal_scale: f32,
     /// `specularFactor`: strength of the dielectric's specular lobe. With 0 the dielectric is Lambertian.
     pub specular: f32,
@@ -37,15 +36,15 @@ pub struct Material {
     pub specular_color_texture: Option<TextureRef>,
     /// Index of refraction of the dielectric.
     pub ior: f32,
-    /// Emitted radiance in W/(m² sr). It is ambient light: it does not depend on the projector.
+    /// Emitted radiance in W/(m² sr). It is ambient light, because it does not depend on the projector.
     pub emission: Vec3,
     /// RGB (sRGB) for [`Material::emission`].
     pub emission_texture: Option<TextureRef>,
-    /// Share of the light entering the dielectric that is transmitted instead of scattered diffusely.
+    /// Fraction of the light entering the dielectric that is transmitted instead of scattered diffusely.
     pub transmission: f32,
     /// Red for [`Material::transmission`].
     pub transmission_texture: Option<TextureRef>,
-    /// Share of the diffuse light that leaves on the other side, as with paper that is lit from behind.
+    /// Fraction of the diffuse light that leaves on the other side, as with paper that is lit from behind.
     pub diffuse_transmission: f32,
     /// Alpha for [`Material::diffuse_transmission`].
     pub diffuse_transmission_texture: Option<TextureRef>,
@@ -55,23 +54,22 @@ pub struct Material {
     pub diffuse_transmission_color_texture: Option<TextureRef>,
     /// The medium behind the front of a closed surface. `None` means a thin wall with air on both sides.
     pub volume: Option<Volume>,
-    /// Whether the back reflects (and emits) like the front. The back of a one-sided surface is black. A
-    /// surface that transmits light is always treated as two-sided, because transmission from one side only
-    /// would not be reciprocal.
+    /// Whether the back reflects (and emits) like the front. The back of a one-sided surface is black. A surface that transmits light is
+    /// always treated as two-sided, because transmission from one side only would not be reciprocal.
     pub double_sided: bool,
 }
 
-/// How a surface uses its opacity.
+/// The effect of a surface's opacity.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum AlphaMode {
-    /// Opacity is ignored: the surface covers everything.
+    /// Opacity is ignored, and the surface covers all points.
     Opaque,
-    /// The surface covers the points where the opacity is at least `cutoff`; other points are holes.
+    /// The surface covers the points whose opacity is at least `cutoff`. All other points are holes.
     Mask {
-        /// The least opacity of a covered point.
+        /// The smallest opacity of a covered point.
         cutoff: f32,
     },
-    /// The opacity is the share of incident light that meets the surface. The rest passes straight on.
+    /// The opacity is the fraction of incident light that interacts with the surface. The remaining light passes straight on.
     Blend,
 }
 
@@ -80,14 +78,14 @@ pub enum AlphaMode {
 pub struct Volume {
     /// The colour of white light after it has travelled [`Volume::attenuation_distance`].
     pub attenuation_color: Vec3,
-    /// The distance for that colour in metres; infinite if the medium does not absorb.
+    /// The distance at which light has this colour, in metres. It is infinite if the medium does not absorb.
     pub attenuation_distance: f32,
 }
 
 impl Volume {
     /// The absorption coefficient per metre. The transmittance over `d` metres is `exp(−absorption · d)`.
     pub fn absorption(&self) -> Vec3 {
-        // The logarithm of zero is infinite, and its product with a path length of zero would be NaN.
+        // The colour is bounded away from zero: the logarithm of zero is infinite, and its product with a path length of zero would be NaN.
         self.attenuation_color.max(Vec3::splat(f32::MIN_POSITIVE)).map(|color| -color.ln())
             / self.attenuation_distance
     }
@@ -106,12 +104,12 @@ impl Material {
         self.alpha_mode != AlphaMode::Opaque || (self.transmission > 0.0 && self.volume.is_none())
     }
 
-    /// Whether the microfacet width `roughness²` may be below `alpha`; always so with a roughness texture.
+    /// Whether the microfacet width `roughness²` may be below `alpha`. This is always true with a roughness texture.
     pub fn may_be_smoother_than(&self, alpha: f32) -> bool {
         self.metallic_roughness_texture.is_some() || self.roughness * self.roughness < alpha
     }
 
-    /// Drops the textures for which `is_kept` is false. An emission whose texture is dropped becomes dark.
+    /// Drops the textures for which `is_kept` is false. If the emission's texture is dropped, the emission becomes black.
     pub(super) fn retain_textures(&mut self, is_kept: impl Fn(&TextureRef) -> bool) {
         let is_lit = self.emission_texture.as_ref().is_none_or(&is_kept);
         if !is_lit {
@@ -122,7 +120,7 @@ impl Material {
         }
     }
 
-    /// The slots of all textures, each with its role in glTF's words.
+    /// The slots of all textures, each with its role in glTF's terms.
     pub(super) fn texture_slots(&mut self) -> [(&'static str, &mut Option<TextureRef>); 9] {
         [
             ("base colour", &mut self.base_color_texture),
@@ -137,7 +135,7 @@ impl Material {
         ]
     }
 
-    /// The textures of the material, each with its role in glTF's words.
+    /// The textures of the material, each with its role in glTF's terms.
     pub fn textures(&self) -> impl Iterator<Item = (&'static str, &TextureRef)> {
         [
             ("base colour", &self.base_color_texture),
@@ -188,7 +186,7 @@ impl Default for Material {
     }
 }
 
-/// How texture coordinates outside `[0, 1]` are read.
+/// The handling of texture coordinates outside `[0, 1]`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum Wrap {
     /// The picture repeats.
@@ -199,7 +197,7 @@ pub enum Wrap {
     ClampToEdge,
 }
 
-/// A picture with its sampler. Texel `(x, y)` is `texels[y·width + x]`; row 0 is the top (`v = 0`).
+/// A picture with its sampler. Texel `(x, y)` is `texels[y·width + x]`. Row 0 is at the top (`v = 0`).
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Texture {
     /// The image's name or URI, for messages.
@@ -208,7 +206,7 @@ pub struct Texture {
     pub width: u32,
     /// Number of rows.
     pub height: u32,
-    /// RGBA texels, 8 bits per channel. RGB is sRGB-encoded for the material's colours, otherwise linear.
+    /// RGBA texels, 8 bits per channel. RGB is sRGB-encoded in colour textures of materials, otherwise linear.
     pub texels: Vec<[u8; 4]>,
     /// Wrapping of `u` and `v`.
     pub wrap: [Wrap; 2],
@@ -221,14 +219,14 @@ pub struct Texture {
 pub struct TextureRef {
     /// Index into [`crate::scene::Scene::textures`].
     pub texture: u32,
-    /// The set of [`crate::scene::Triangle::texcoords`] with which the texture is read: 0 or 1.
+    /// The set of [`crate::scene::Triangle::texcoords`] that the texture uses: 0 or 1.
     pub set: u32,
-    /// The map from those coordinates to the picture's coordinates (`KHR_texture_transform`).
+    /// The map from these texture coordinates to the picture's coordinates (`KHR_texture_transform`).
     pub transform: Affine2,
 }
 
 impl TextureRef {
-    /// A reference that reads the texture with the first set of coordinates, without a transform.
+    /// A reference that uses the first set of coordinates, without a transform.
     pub fn new(texture: u32) -> Self {
         Self { texture, set: 0, transform: Affine2::IDENTITY }
     }

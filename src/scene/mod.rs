@@ -30,16 +30,16 @@ pub use view::predicted_direct;
 /// Options for loading a scene.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LoadOptions<'a> {
-    /// The name of the camera node at which the rig stands. It may be left out when the scene has only one camera.
+    /// The name of the camera node that becomes the rig's camera. It may be omitted when the scene has only one camera.
     pub camera: Option<&'a str>,
     /// The path of a camera file. Its poses replace the scene's poses (see [`load_with`]).
     pub camera_file: Option<&'a Path>,
     /// If the scene has no camera, places one ([`Camera::in_front_of`]). If it has several perspective cameras, takes the first and warns.
     pub auto_camera: bool,
-    /// Whether material libraries, pictures and texture coordinates that are missing or unreadable are errors. Otherwise a warning names
-    /// them, and their surfaces are matte or have the material's colour.
+    /// Whether missing or unreadable material libraries, pictures and texture coordinates are errors. Otherwise a warning names them, and
+    /// their surfaces are matte or have the material's colour.
     pub strict: bool,
-    /// Receives the progress of loading, and may end it.
+    /// Receives the progress of loading, and may end the loading.
     pub watcher: Watcher<'a>,
 }
 
@@ -50,14 +50,14 @@ pub fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
 
 /// Loads a scene. The file's extension selects the format: `.glb`, `.gltf` or `.obj`.
 ///
-/// A camera file may replace the scene's own camera and projector. The options may name it. If they name neither a camera file nor a
-/// camera, it is `NAME.rig.toml` next to the scene `NAME.EXT`, if that file exists. A camera file has a `[camera]` table, a `[projector]`
-/// table or both, each with `position`, `look_at` or `forward`, `up`, `vertical_fov_degrees`, `aperture_radius` and `focus_distance`.
-/// Lengths are in metres. The projector may also have `resolution = [width, height]`.
+/// A camera file may replace the scene's own camera and projector. The options may name this file. If they name neither a camera file nor a
+/// camera, the camera file is `NAME.rig.toml` next to the scene `NAME.EXT`, if that file exists. A camera file has a `[camera]` table, a
+/// `[projector]` table or both, each with `position`, `look_at` or `forward`, `up`, `vertical_fov_degrees`, `aperture_radius` and
+/// `focus_distance`. Lengths are in metres. The projector may also have `resolution = [width, height]`.
 ///
 /// # Errors
-/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used. Both name the file. The second also names
-/// the remedy.
+/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used. Both errors name the file.
+/// [`Error::Scene`] also names the remedy.
 pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     let mut scene = match extension.to_ascii_lowercase().as_str() {
@@ -79,8 +79,8 @@ pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
 pub struct Scene {
     /// The file that the scene was loaded from, or a name if the scene was made in memory.
     pub path: PathBuf,
-    /// The origin of the scene's coordinates, in the file's coordinates, in metres. It is the file's origin, except for scenes that lie so
-    /// far from it that single precision would be too coarse.
+    /// The origin of the scene's coordinates, in the file's coordinates, in metres. It is zero unless the scene lies so far from the file's
+    /// origin that single precision would be too coarse.
     pub origin: DVec3,
     /// All surfaces, in world space. A loaded scene has at least one triangle.
     pub triangles: Vec<Triangle>,
@@ -88,9 +88,9 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Textures, indexed by [`TextureRef::texture`].
     pub textures: Vec<Texture>,
-    /// The rig's camera. In a coaxial rig the projector has its geometry, too.
+    /// The rig's camera. In a coaxial rig, the projector has the same geometry.
     pub camera: Camera,
-    /// A projector with another pose or lens than the camera's. `None` means a coaxial rig, which has a symmetric transport matrix.
+    /// A projector whose pose or lens differs from the camera's. `None` means a coaxial rig, which has a symmetric transport matrix.
     pub projector: Option<Camera>,
     /// The projector's resolution, if the scene or its camera file states one.
     pub projector_resolution: Option<Resolution>,
@@ -100,7 +100,7 @@ pub struct Scene {
     pub regions_are_labels: bool,
     /// BLAKE3 hash of the scene file, of all files that it refers to, and of the camera file.
     pub hash: [u8; 32],
-    /// One sentence for each ignored thing in the files.
+    /// One sentence for each part of the files that is ignored.
     pub warnings: Vec<String>,
 }
 
@@ -112,15 +112,15 @@ impl Scene {
     }
 }
 
-/// The number of triangles or lines between two calls of the watcher: a fraction of a second.
+/// The number of triangles or lines between two calls of the watcher. They take a fraction of a second.
 const RHYTHM: usize = 1 << 16;
 
-/// Receives the progress of loading a scene, and decides whether loading continues. The default does nothing.
+/// Receives the progress of loading a scene, and decides whether loading continues. The default ignores the progress.
 #[derive(Clone, Copy, Default)]
 pub struct Watcher<'a>(Option<&'a dyn Fn(f32) -> ControlFlow<()>>);
 
 impl<'a> Watcher<'a> {
-    /// Calls `told` from time to time with the finished share of the work. [`ControlFlow::Break`] ends loading with [`Error::Interrupted`].
+    /// Makes a watcher. It regularly calls `told` with the completed fraction; [`ControlFlow::Break`] causes [`Error::Interrupted`].
     pub fn new(told: &'a dyn Fn(f32) -> ControlFlow<()>) -> Self {
         Self(Some(told))
     }
@@ -132,7 +132,7 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// Reports `share()` once every 65,536 counts.
+    /// Reports `share()` when `count` is a multiple of 65,536.
     pub(super) fn count(self, count: usize, share: impl FnOnce() -> f32) -> Result<()> {
         if count.is_multiple_of(RHYTHM) { self.tell(share()) } else { Ok(()) }
     }
@@ -144,7 +144,7 @@ impl fmt::Debug for Watcher<'_> {
     }
 }
 
-/// The error about a file of another format, judged by its name. `extension` is in lower case.
+/// The error for a file whose name has the extension of another format. `extension` is in lower case.
 pub(super) fn unknown(path: &Path, extension: &str) -> Error {
     let (what, help) = match extension {
         "xml" => (

@@ -1,8 +1,8 @@
-//! The place of a scene in the coordinates of its file, and the distance of its surfaces from the camera.
+//! The position of a scene in the coordinates of its file, and the distance of its surfaces from the camera.
 //!
 //! Single precision resolves a coordinate to one part in 2²⁴. With survey coordinates, a scene of one metre may lie 500 km from the file's
-//! origin. Its corners would then be known only to 3 cm. A loader therefore notes all corners in double precision first, and moves a
-//! distant scene to its camera before it rounds the coordinates to single precision.
+//! origin, and its corners would be known only to 3 cm. A loader therefore first notes all corners in double precision. It then moves the
+//! origin of a distant scene to its camera, and rounds the coordinates to single precision last.
 
 use std::path::Path;
 
@@ -10,18 +10,20 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 
-/// The scene is moved if a coordinate of the camera exceeds this multiple of the distance between camera and surfaces. At this ratio,
-/// single precision resolves coordinates to a millionth of that distance, which is less than the tracer's offsets. Nearer scenes keep their
-/// coordinates to the bit.
+/// The scene is moved if a coordinate of the camera exceeds the distance between camera and surfaces times this factor. At this ratio,
+/// single precision resolves coordinates to a millionth of that distance, which is less than the tracer's offsets. Other scenes keep their
+/// coordinates exactly.
 const FAR: f64 = 8.0;
 
-/// The step of a file's numbers, relative to the distance from the camera, above which it is coarse: several times the tracer's offsets.
+/// Numbers of a file are coarse if their resolution, relative to the distance from the camera, exceeds this: several times the tracer's
+/// offsets.
 const COARSE: f64 = 1.0 / 16384.0;
 
-/// The least distance between camera and surfaces. At distances a few powers of two smaller, radiance overflows single precision.
+/// The smallest distance between camera and surfaces, in metres. If it were a few powers of two smaller, radiance would overflow single
+/// precision.
 const NEAREST: f64 = 1e-12;
 
-/// The weights of distances, summed for each power of two.
+/// A histogram of distances, as the sum of weights for each power of two.
 pub(crate) struct Distances(Vec<f64>);
 
 impl Distances {
@@ -37,8 +39,8 @@ impl Distances {
         }
     }
 
-    /// The exponent of the power of two at which the summed weight, from near to far, reaches this share; 0 without distances.
-    /// If all distances are multiplied by `2^k`, the result grows by `k`.
+    /// The exponent of the power of two at which the cumulative weight, from near to far, reaches this fraction of the total; 0 without
+    /// distances. If all distances are multiplied by `2^k`, the result grows by `k`.
     pub(crate) fn power(&self, share: f64) -> i32 {
         let wanted = share * self.0.iter().sum::<f64>();
         let mut below = 0.0;
@@ -51,29 +53,29 @@ impl Distances {
     }
 }
 
-/// Notes about the corners of a scene in the file's coordinates.
+/// The position of a scene, as found from its corners in the file's coordinates.
 pub(super) struct Place {
-    /// The position of the camera, or the first corner.
+    /// The position of the camera, or of the first corner if there is no camera.
     anchor: Option<DVec3>,
     /// The origin of the scene's coordinates, in the file's coordinates. It is the file's origin until [`Place::settle`] moves it.
     pub(super) origin: DVec3,
     distances: Distances,
     is_settled: bool,
-    /// Four counts: all coordinates, the coordinates with a coarse step in single precision, the single-precision numbers among these, and
-    /// the odd multiples of the step among those.
+    /// Four counts: coordinates; coordinates with a coarse step in single precision; coarse coordinates that are single-precision numbers;
+    /// and coarse single-precision coordinates that are odd multiples of the step.
     numbers: [u64; 4],
-    /// The largest coarse step in metres.
+    /// The largest coarse step, in metres.
     step: f64,
 }
 
 impl Place {
-    /// The place for a camera at this position; `None` for a camera that will be placed in front of the scene.
+    /// Starts with a camera at this position. `None` stands for a camera that will be placed in front of the scene.
     pub(super) fn of(camera: Option<DVec3>) -> Self {
         let (origin, distances) = (DVec3::ZERO, Distances::new());
         Self { anchor: camera, origin, distances, is_settled: false, numbers: [0; 4], step: 0.0 }
     }
 
-    /// Notes a corner at `at`. The file states it by the numbers `stated`, in units of `unit` metres.
+    /// Notes a corner at `at`. In the file, the corner has the coordinates `stated`, in units of `unit` metres.
     pub(super) fn note(&mut self, at: DVec3, stated: DVec3, unit: f64) {
         if self.is_settled {
             return;
@@ -94,12 +96,12 @@ impl Place {
         }
     }
 
-    /// A power of two near the distance between camera and surfaces, in metres.
+    /// A power of two near the median distance between camera and surfaces, in metres.
     pub(super) fn distance(&self) -> f64 {
         2_f64.powi(self.distances.power(0.5))
     }
 
-    /// Chooses the origin after all corners of the file at `path` are noted. Returns whether the scene moves.
+    /// Chooses the origin after all corners of the file at `path` have been noted. Returns whether the scene moves.
     pub(super) fn settle(&mut self, path: &Path) -> Result<bool> {
         self.is_settled = true;
         if self.distance() < NEAREST {
@@ -113,8 +115,8 @@ impl Place {
     }
 
     /// A warning if the file's numbers are too coarse. Three conditions must hold: more than an eighth of the numbers have a coarse step,
-    /// all of these are single precision, and more than an eighth of these are odd multiples of their step, which is typical of rounded
-    /// numbers.
+    /// all coarse numbers are single precision, and more than an eighth of the coarse numbers are odd multiples of their step (rounded
+    /// numbers).
     pub(super) fn warning(&self) -> Option<String> {
         let [all, coarse, single, odd] = self.numbers;
         (8 * coarse > all && single == coarse && 8 * odd > coarse).then(|| {
@@ -145,7 +147,7 @@ mod tests {
             }
             distances.power(0.5)
         };
-        // The third of 0.1, 0.3, 1, 1.2, 1.9 and 1e9 is in [1, 2).
+        // Zero and NaN are ignored. The third of the other six distances, in ascending order, is 1 and lies in [1, 2).
         assert_eq!(power(1.0), 0);
         for k in [-300, -20, -1, 1, 7, 300] {
             assert_eq!(power(2_f64.powi(k)), k);

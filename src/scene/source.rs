@@ -1,5 +1,4 @@
-//! The part that all scene loaders share: errors and warnings about a file, files next to the scene, the content hash, and the decoding of
-//! pictures.
+//! The part that all scene loaders share: errors and warnings, files next to the scene, the content hash, and picture decoding.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -13,13 +12,13 @@ use crate::error::{Error, Result};
 use crate::file;
 use crate::image::codec::Format;
 
-/// A scene file that is being loaded, with what all loaders keep beside its content.
+/// A scene file that is being loaded, with the data that all loaders need.
 pub(super) struct SceneFile {
     pub path: PathBuf,
     /// Whether missing pictures and texture coordinates are errors.
     pub strict: bool,
     pub hash: ContentHash,
-    /// The warnings in the order of their appearance.
+    /// The warnings in the order in which they arose.
     pub warnings: Vec<String>,
     /// The subjects and texts of the warnings so far.
     warned: HashSet<String>,
@@ -27,7 +26,7 @@ pub(super) struct SceneFile {
 }
 
 impl SceneFile {
-    /// Reads the file at `path`. Returns its bytes, too.
+    /// Reads the file at `path`. Also returns its bytes.
     pub(super) fn read(path: &Path, strict: bool) -> Result<(Self, Vec<u8>)> {
         let bytes = file::read(path).and_then(|bytes| not_a_pointer(path, bytes))?;
         let (mut hash, warnings, warned, pictures): (ContentHash, _, _, _) = Default::default();
@@ -39,20 +38,20 @@ impl SceneFile {
         Error::scene(&self.path, fault)
     }
 
-    /// Adds a warning unless there is already one about `subject`.
+    /// Adds a warning unless there is already a warning about `subject`.
     pub(super) fn warn_once(&mut self, subject: &str, warning: impl Into<String>) {
         if self.warned.insert(subject.into()) {
             self.warnings.push(warning.into());
         }
     }
 
-    /// Adds a warning unless the same text is already there.
+    /// Adds a warning unless there is already a warning with the same text.
     pub(super) fn warn(&mut self, warning: impl Into<String>) {
         let warning = warning.into();
         self.warn_once(&warning.clone(), warning);
     }
 
-    /// Adds a warning with the fault, its consequence, and the remedy. In a strictly read scene, the fault is an error.
+    /// Adds a warning with the fault, its consequence, and the remedy. If the scene is read strictly, the fault is an error instead.
     pub(super) fn tolerate(
         &mut self,
         fault: String,
@@ -67,8 +66,7 @@ impl SceneFile {
         Ok(())
     }
 
-    /// Reads a file that the scene refers to, and adds it to the hash. `path` is already resolved. `what` names the object that refers to
-    /// the file (`buffer 0`).
+    /// Reads a file that the scene refers to, and adds it to the hash. `path` is resolved. `what` names the referring object (`buffer 0`).
     pub(super) fn read_other(&mut self, what: &str, path: &Path) -> Result<Vec<u8>> {
         let scene = self.path.display();
         if is_missing(path) {
@@ -85,8 +83,8 @@ impl SceneFile {
         Ok(bytes)
     }
 
-    /// Resolves the path by which the scene refers to a file next to it. If the path belongs to another computer, it is the file of that name
-    /// next to the scene, unless the scene is strictly read. `Err` says why the path is not relative.
+    /// Resolves the path by which the scene refers to a file next to it. If the path belongs to another computer and the scene is not read
+    /// strictly, the result is the file of the same name next to the scene. `Err` says why the path is not relative.
     pub(super) fn resolve(&self, name: &str) -> std::result::Result<PathBuf, &'static str> {
         let name = name.replace('\\', "/");
         match next_to(&self.path, &name) {
@@ -100,8 +98,8 @@ impl SceneFile {
         self.pictures.decode(bytes, name)
     }
 
-    /// The scene with these surfaces, cameras and regions. If no file states a camera, it is placed in front of the surfaces. A projector that
-    /// coincides with the camera is dropped (coaxial rig).
+    /// Makes the scene from surfaces, cameras and regions. If no file states a camera, a camera is placed in front of the surfaces. A
+    /// projector that coincides with the camera is dropped (coaxial rig).
     pub(super) fn scene(
         self,
         place: &Place,
@@ -144,7 +142,7 @@ fn not_a_pointer(path: &Path, bytes: Vec<u8>) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The text of a file: UTF-16 if it begins with that byte order mark, otherwise UTF-8. Invalid parts are replaced.
+/// The text of a file. It is UTF-16 if it begins with the byte order mark of UTF-16, otherwise UTF-8. Invalid parts are replaced.
 pub(super) fn text(bytes: &[u8]) -> Cow<'_, str> {
     let wide = |read: fn([u8; 2]) -> u16| {
         let units = bytes[2..].as_chunks::<2>().0.iter().map(|&unit| read(unit));
@@ -160,7 +158,7 @@ pub(super) fn text(bytes: &[u8]) -> Cow<'_, str> {
     }
 }
 
-/// The file next to the scene with the same name as the path `elsewhere`, which may come from another computer.
+/// Finds the file next to the scene that has the same file name as the path `elsewhere`, which may come from another computer.
 fn same_name(scene: &Path, elsewhere: &str) -> Option<PathBuf> {
     let name = elsewhere.rsplit(['/', '\\']).next().filter(|name| !name.is_empty() && !name.contains(':'))?;
     next_to(scene, name).ok()
@@ -182,7 +180,7 @@ pub(super) fn next_to(scene: &Path, relative: &str) -> std::result::Result<PathB
     Ok(scene.parent().map(|folder| folder.join(relative)).unwrap_or_else(|| relative.into()))
 }
 
-/// A BLAKE3 hash of a sequence of byte strings. Each is preceded by its length, so that other boundaries give another hash.
+/// A BLAKE3 hash of a sequence of byte strings. Each string is preceded by its length, so that other boundaries give another hash.
 #[derive(Default)]
 pub(super) struct ContentHash(blake3::Hasher);
 
@@ -200,10 +198,10 @@ impl ContentHash {
 /// The largest width and height of a picture in pixels.
 const MAX_SIDE: u32 = 16384;
 
-/// The largest number of texels of all pictures together. A limit is needed because a few kilobytes of PNG can encode any number of pixels.
+/// The largest number of texels of all pictures together, because a few kilobytes of PNG can encode any number of pixels.
 const MAX_TEXELS: u64 = 1 << 27;
 
-/// The largest size of one decoded picture in bytes. PNG's widest pixel, 16-bit RGBA, has 8 bytes.
+/// The largest size of a decoded picture in bytes. PNG's largest pixel (16-bit RGBA) has 8 bytes.
 const MAX_BYTES: usize = 8 << 27;
 
 pub(super) struct Texels {
@@ -218,14 +216,14 @@ pub(super) struct Fault {
     pub fault: String,
     /// The remedy.
     pub help: String,
-    /// Whether the picture has a format that krylux does not read. Other pictures are damaged or too large.
+    /// Whether krylux does not read the picture's format. Otherwise the picture is damaged or too large.
     pub is_unknown: bool,
 }
 
 const CONVERT: &str =
     "convert it (magick PICTURE picture.png) and name that, or export the scene with PNG or JPEG pictures";
 
-/// Formats of pictures that occur in scenes but are not read: the offset of a file's mark, the mark, the format's name, and advice.
+/// Picture formats that occur in scenes but are not read: the offset of the magic number, the magic number, the name, and advice.
 const UNREAD: [(usize, &[u8], &str, &str); 5] = [
     (
         0,
@@ -239,7 +237,7 @@ const UNREAD: [(usize, &[u8], &str, &str); 5] = [
     (0, b"\x76\x2F\x31\x01", "EXR", CONVERT),
 ];
 
-/// The reason why krylux does not read a picture, judged by the file's beginning and name; `None` if it reads the format.
+/// The reason why krylux does not read a picture, from the file's beginning and name. `None` if krylux reads the format.
 pub(super) fn unread(beginning: &[u8], name: &Path) -> Option<Fault> {
     let format = Format::of(beginning).or_else(|| Format::of_name(name));
     format.is_none().then(|| other_format(beginning))
@@ -256,7 +254,7 @@ fn other_format(bytes: &[u8]) -> Fault {
     Fault { fault, help: help.into(), is_unknown: true }
 }
 
-/// The decoder of one scene's pictures. It counts the texels of all of them.
+/// The decoder of a scene's pictures, which counts the texels of all pictures.
 #[derive(Default)]
 struct Pictures {
     texels: u64,

@@ -6,12 +6,12 @@ use std::hash::{Hash, Hasher};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// A triangle. Its front is the side from which the corners run counter-clockwise.
+/// A triangle. Its front is the side from which the corners appear counter-clockwise.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Triangle {
     /// Corners in metres.
     pub positions: [Vec3; 3],
-    /// Unit shading normals at the corners; zero if the file gives none. They only affect the BSDF: every cosine uses the flat triangle.
+    /// Unit shading normals at the corners; zero if the file gives none. They affect only the BSDF: every cosine uses the geometric normal.
     pub normals: [Vec3; 3],
     /// Two sets of texture coordinates at each corner, as in the file; zero if the file gives none.
     pub texcoords: [[Vec2; 2]; 3],
@@ -23,17 +23,17 @@ pub struct Triangle {
     pub region: u32,
 }
 
-/// The largest number of triangles in a scene. A limit is needed because a small file can place one mesh any number of times.
+/// The largest number of triangles in a scene. The limit is needed because a small file can place one mesh any number of times.
 pub(super) const MAX_TRIANGLES: usize = 1 << 24;
 
-/// The largest absolute value of a coordinate, in metres. Beyond it the square of an area overflows single precision.
+/// The largest absolute value of a coordinate, in metres. For larger values, the square of an area overflows single precision.
 pub(super) const MAX_COORDINATE: f32 = 1e9;
 
-/// The least ratio of a triangle's height to its longest edge. Below it the triangle's area is lost in the rounding of single precision.
+/// The smallest ratio of a triangle's height to its longest edge. Below it, the area is lost in the rounding of single precision.
 const MIN_HEIGHT_TO_EDGE: f64 = 1e-7;
 
 impl Triangle {
-    /// White with full opacity: the vertex colour that leaves the material unchanged.
+    /// White with full opacity. This vertex colour leaves the material's colour unchanged.
     pub const WHITE: [u16; 4] = [u16::MAX; 4];
 
     /// A flat triangle without texture coordinates or colours.
@@ -61,7 +61,7 @@ impl Triangle {
         self
     }
 
-    /// Turns the shading normals to the side of the triangle's front. Some exporters flip the corners without the normals, or the reverse.
+    /// Flips shading normals that point to the triangle's back. Some exporters flip only the corners, or only the normals.
     pub(super) fn with_normals_in_front(mut self) -> Self {
         let [a, b, c] = self.positions;
         let sum: Vec3 = self.normals.iter().sum();
@@ -75,17 +75,17 @@ impl Triangle {
     pub(super) fn has_area(&self) -> bool {
         let [a, b, c] = self.positions.map(|position| position.as_dvec3());
         let longest = [b - a, c - b, a - c].map(|edge| edge.length_squared()).into_iter().fold(0.0, f64::max);
-        // Twice the area is the longest edge times the height on it.
+        // Twice the area is the longest edge times the height above this edge.
         (b - a).cross(c - a).length() > MIN_HEIGHT_TO_EDGE * longest
     }
 }
 
-/// Drops every triangle that equals an earlier one in its corners, its region and all else. Exporters write such triangles for an object
-/// that was duplicated in place. A ray would have to test each of them, and software Vulkan silently ends an invocation after 65,535 tests.
-/// Returns the number of dropped triangles.
+/// Drops every triangle that equals an earlier triangle. Exporters write such triangles for an object that was duplicated in place. A ray
+/// would have to test each copy, and software Vulkan silently ends an invocation after 65,535 tests. Returns the number of dropped
+/// triangles.
 pub(super) fn drop_repeated(triangles: &mut Vec<Triangle>) -> usize {
-    // Triangles with the same 64-bit hash of the corners are compared. The list of hashes takes a tenth of the memory of the triangles; a
-    // table of triangles would double it.
+    // Only triangles with the same 64-bit hash of the corners are compared. The list of hashes needs a tenth of the triangles' memory. A
+    // hash table of triangles would need as much memory as the triangles.
     let mut order: Vec<(u64, u32)> = triangles
         .par_iter()
         .enumerate()
@@ -107,7 +107,7 @@ pub(super) fn drop_repeated(triangles: &mut Vec<Triangle>) -> usize {
     before - triangles.len()
 }
 
-/// The triangle with its least corner first, so that triangles with the same cyclic order of corners are equal.
+/// Rotates the corners so that the smallest corner is first. Triangles with the same cyclic order of corners are then equal.
 fn turned(triangle: &Triangle) -> Triangle {
     let key = |corner: usize| triangle.positions[corner].to_array().map(order);
     let least = (0..3).min_by_key(|&corner| key(corner)).unwrap_or_default();
@@ -124,7 +124,7 @@ fn from<T: Copy>(first: usize, values: [T; 3]) -> [T; 3] {
     [0, 1, 2].map(|at| values[(first + at) % 3])
 }
 
-/// A number that orders coordinates. Any order will do, but 0 and −0 must be equal.
+/// A number that orders coordinates. Any order is suitable in which 0 and −0 are equal.
 fn order(coordinate: f32) -> u32 {
     (coordinate + 0.0).to_bits()
 }
@@ -165,7 +165,7 @@ mod tests {
             flat(CORNERS, 0, 0),
             flat([b, c, a], 0, 0),
             flat([c, a, b], 0, 0),
-            // The variants differ by: the back, the material, the region, a normal, and the place.
+            // The variants differ from the first triangle in orientation, material, region, a normal, and position.
             flat([a, c, b], 0, 0),
             flat(CORNERS, 1, 0),
             flat(CORNERS, 0, 7),

@@ -1,4 +1,4 @@
-//! The view of the camera: the reasons for a black photo, found with a few rays, and the direct light that a scene's shape predicts.
+//! The camera's view of a scene: reasons for a black photo, found with a few rays, and the direct light predicted from the geometry.
 
 use std::collections::BTreeSet;
 
@@ -9,14 +9,14 @@ use super::{AlphaMode, Camera, Scene, TextureRef, Triangle};
 use crate::finding::decimal;
 use crate::image::Resolution;
 
-/// The largest number of intersections of a ray with a triangle that are computed: a fraction of a second.
+/// The largest number of ray–triangle intersections that are computed. They take a fraction of a second.
 const MAX_INTERSECTIONS: usize = 1 << 24;
-/// The largest number of rays on a side of the picture.
+/// The largest number of rays along one side of the picture.
 const MAX_SIDE: usize = 32;
-/// Surfaces further away than this, in metres, send back less than a ten-thousandth of a pattern.
+/// Surfaces beyond this distance, in metres, count as far. They send back less than a ten-thousandth of a pattern.
 const FAR: f32 = 50.0;
 
-/// The roughness below which a surface counts as a mirror here.
+/// Surfaces with a lower roughness count as mirrors here.
 const SMOOTH: f32 = 0.05;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,13 +32,13 @@ enum Darkness {
     /// A one-sided surface shows its back.
     Back,
     Black,
-    /// It is invisible: its opacity is 0.
+    /// The surface is invisible: its opacity is 0.
     Absent,
     Mirror,
 }
 
 impl Darkness {
-    /// A predicate for a sentence about a surface, and advice.
+    /// A predicate for a sentence about the surface, and advice.
     fn words(self) -> [&'static str; 2] {
         match self {
             Self::Back => [
@@ -59,7 +59,7 @@ impl Darkness {
     }
 }
 
-/// Why photos of this scene are black or nearly black, as one sentence; `None` if some surface is in view, near and from its front.
+/// Explains in one sentence why photos of this scene are black or nearly black. `None` if a near surface in view shows its front.
 pub fn reason_for_darkness(scene: &Scene, resolution: Resolution) -> Option<String> {
     let side = (MAX_INTERSECTIONS / scene.triangles.len().max(1)).isqrt().clamp(4, MAX_SIDE);
     let camera = &scene.camera;
@@ -70,7 +70,7 @@ pub fn reason_for_darkness(scene: &Scene, resolution: Resolution) -> Option<Stri
             camera.ray_direction(x * width, y * height, resolution).normalize()
         })
         .collect();
-    // So few rays are tested against all triangles: a tree would take longer to build.
+    // There are so few rays that testing them against all triangles is faster than building a tree.
     let hits: Vec<Hit> = rays.par_iter().filter_map(|&ray| first_hit(scene, camera, ray)).collect();
     if hits.is_empty() {
         return nothing_in_view(scene, resolution, rays.len());
@@ -86,7 +86,7 @@ pub fn reason_for_darkness(scene: &Scene, resolution: Resolution) -> Option<Stri
     far_away(hits.iter().map(|hit| hit.distance).collect())
 }
 
-/// The reason, if surfaces at these distances are far away.
+/// The explanation for surfaces at these distances, if they are far away.
 fn far_away(mut distances: Vec<f32>) -> Option<String> {
     distances.sort_by(f32::total_cmp);
     let middle = *distances.get(distances.len() / 2)?;
@@ -98,7 +98,7 @@ fn far_away(mut distances: Vec<f32>) -> Option<String> {
     })
 }
 
-/// The reason, if none of `rays` rays meets a surface. If a corner of a triangle is in view, the rays only missed a small surface.
+/// The explanation when none of `rays` rays meets a surface. If a corner is in view, the surface is only too small for the rays.
 fn nothing_in_view(scene: &Scene, resolution: Resolution, rays: usize) -> Option<String> {
     let camera = &scene.camera;
     let corners = || scene.triangles.iter().flat_map(|triangle| triangle.positions);
@@ -123,7 +123,7 @@ fn nothing_in_view(scene: &Scene, resolution: Resolution, rays: usize) -> Option
     ))
 }
 
-/// Why a surface of this material is dark from this side. A texture matters only if its colours are black everywhere.
+/// Returns why a surface of this material is dark from this side, if it is. A texture matters only if its colours are black everywhere.
 fn darkness(scene: &Scene, material: u32, is_front: bool) -> Option<Darkness> {
     let material = &scene.materials[material as usize];
     if matches!(material.alpha_mode, AlphaMode::Blend) && material.opacity == 0.0 {
@@ -160,8 +160,8 @@ fn first_hit(scene: &Scene, camera: &Camera, ray: Vec3) -> Option<Hit> {
     hits.min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
-/// The distance at which a ray of unit length meets a triangle, whether it meets the front, and the barycentric weights of the second and
-/// the third corner at the point.
+/// Intersects a ray of unit length with a triangle. Returns the distance, whether the ray meets the front, and the barycentric weights of
+/// the second and the third corner.
 pub(super) fn intersection(triangle: &Triangle, origin: Vec3, ray: Vec3) -> Option<(f32, bool, [f32; 2])> {
     let [a, b, c] = triangle.positions;
     let (ab, ac) = (b - a, c - a);
@@ -172,19 +172,19 @@ pub(super) fn intersection(triangle: &Triangle, origin: Vec3, ray: Vec3) -> Opti
     let turned = from_a.cross(ab);
     let v = ray.dot(turned) / determinant;
     let distance = ac.dot(turned) / determinant;
-    // A ray in the triangle's plane has a determinant of zero, and fails these comparisons.
+    // If the ray lies in the triangle's plane, the determinant is zero, and these comparisons fail.
     let is_inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0;
     (is_inside && distance > 0.0).then_some((distance, determinant > 0.0, [u, v]))
 }
 
-/// The direct image of the scene under an all-ones pattern, if all its surfaces were white Lambertian and the projector were at the
-/// camera's pinhole: one radiance for each pixel, row by row.
+/// The direct image of the scene under an all-ones pattern, as if all surfaces were white Lambertian and the projector were at the camera's
+/// pinhole. The image has one radiance for each pixel, row by row.
 ///
-/// The value at a pixel's centre is `|n·d| / (π t²)`, where `t` is the depth of the nearest surface along the camera's axis, `n` the unit
-/// normal of that surface, and `d` the ray direction with component 1 along the axis. The scale of `d` accounts for the projector's falloff
-/// towards the image's edges. The value is 0 where the camera sees no surface.
+/// The value at a pixel's centre is `|n·d| / (π t²)`. Here `t` is the depth of the nearest surface along the camera's axis, `n` is the unit
+/// normal of that surface, and `d` is the ray direction with component 1 along the axis. The length of `d` accounts for the projector's
+/// falloff towards the image's edges. The value is 0 where the camera sees no surface.
 ///
-/// Triangles are rasterized into a depth buffer, so no tracer is needed. Mirrors, glass and masked surfaces count as opaque.
+/// Triangles are rasterized into a depth buffer, so no ray tracer is needed. Mirrors, glass and masked surfaces count as opaque.
 pub fn predicted_direct(scene: &Scene, resolution: Resolution) -> Vec<f64> {
     let mut depth = vec![f64::INFINITY; resolution.pixels()];
     let mut direct = vec![0.0; resolution.pixels()];
@@ -210,7 +210,7 @@ pub fn predicted_direct(scene: &Scene, resolution: Resolution) -> Vec<f64> {
     direct
 }
 
-/// The ranges of columns and rows that a triangle may cover. They are the whole raster if a corner lies behind the camera.
+/// The ranges of columns and rows that a triangle may cover: the whole raster if a corner lies behind the camera.
 fn bounds(
     camera: &Camera,
     corners: [Vec3; 3],
@@ -227,8 +227,8 @@ fn bounds(
     (span([a.0, b.0, c.0], resolution.width), span([a.1, b.1, c.1], resolution.height))
 }
 
-/// The parameter `t > 0` at which the ray `t · ray` from the origin meets the triangle `corner`, `corner + a`, `corner + b` (Möller and
-/// Trumbore, doi:10.1080/10867651.1997.10487468).
+/// The parameter `t > 0` at which the ray `t · ray` from the origin meets a triangle (Möller and Trumbore,
+/// doi:10.1080/10867651.1997.10487468). The triangle has the vertices `corner`, `corner + a` and `corner + b`.
 fn hit(ray: DVec3, corner: DVec3, a: DVec3, b: DVec3) -> Option<f64> {
     let p = ray.cross(b);
     let determinant = a.dot(p);
@@ -313,7 +313,7 @@ mod tests {
             with(|material| (material.alpha_mode, material.opacity) = (AlphaMode::Blend, 0.0))?,
             "has an opacity of 0",
         );
-        // A surface that is too small for the rays is still in view.
+        // All rays miss the surface because it is small, but it is still in view.
         let speck = reason(|scene| {
             let centre = scene.camera.position + 1.37 * scene.camera.forward;
             scene.triangles.truncate(1);
@@ -340,7 +340,7 @@ mod tests {
         let scene = builtin::plane(1.5, 0.8);
         let direct = predicted_direct(&scene, Resolution::new(9, 6));
         for value in direct {
-            // The tolerance is for the wall's corners, which are rounded to single precision.
+            // The tolerance allows for the rounding of the wall's corners to single precision.
             assert!((value * std::f64::consts::PI * 2.25 - 1.0).abs() < 1e-5, "{value}");
         }
     }
@@ -351,7 +351,7 @@ mod tests {
         let [eggs, empty] = [scene, builtin::carton().to_scene()]
             .map(|scene| predicted_direct(&scene, Resolution::new(30, 30)));
         assert!(eggs.iter().all(|value| *value > 0.0) && empty.iter().all(|value| *value > 0.0));
-        // Cup 0 has an egg, and the egg's top is nearer than the cup's floor; cup 1 has none.
+        // Cup 0 has an egg, whose top is nearer than the cup's floor. Cup 1 has no egg.
         assert!(eggs[3 * 30 + 5] > 1.05 * empty[3 * 30 + 5]);
         assert_eq!(eggs[3 * 30 + 15], empty[3 * 30 + 15]);
     }

@@ -6,16 +6,16 @@ use crate::calibrate::{Decoded, Fit};
 use crate::image::percentile;
 use crate::measure::{LensMap, Match};
 
-/// The side of a cell in projector pixels. It is small enough for one depth, and large enough to average out the rounding of the codes.
+/// The side of a cell in projector pixels: small enough for a single depth, and large enough to average out the rounding of the codes.
 const SIDE: f64 = 4.0;
 
-/// A cell is used if at least this share of its pixels is decoded.
+/// A cell is used if at least this fraction of its pixels is decoded.
 const FILLED: f64 = 0.25;
 
 /// Codes farther than this many steps from their cell's median are misread or belong to another depth. Rounding alone moves them less.
 const APART: f64 = 0.75;
 
-/// The least scatter within a cell that is assumed, in projector pixels.
+/// The smallest assumed scatter within a cell, in projector pixels.
 const LEAST: f64 = 0.03;
 
 /// A cell of the camera's raster.
@@ -23,8 +23,8 @@ const LEAST: f64 = 0.03;
 pub struct Cell {
     /// The cell's centre, in camera pixels from the top left corner.
     pub at: [f64; 2],
-    /// The displacement of the projector light that the cell sees, relative to the map's prediction, in projector pixels to the right and
-    /// down *in the photo*. Nearer surfaces are displaced towards the camera's side.
+    /// The projector position that the cell sees, minus the position that the map predicts. The displacement is in projector pixels, to the
+    /// right and down *in the photo*. Nearer surfaces are displaced towards the camera's side.
     pub off: [f64; 2],
 }
 
@@ -37,7 +37,7 @@ pub struct Disparity {
     pub side: usize,
     /// The median length of the cells' displacements, in projector pixels.
     pub median: f64,
-    /// The 95th percentile of these lengths.
+    /// The 95th percentile of the lengths of the cells' displacements, in projector pixels.
     pub upper: f64,
     /// The standard error of the displacement of one cell along an axis.
     pub error: f64,
@@ -45,9 +45,9 @@ pub struct Disparity {
 
 struct Patch {
     at: [f64; 2],
-    /// The projector position that the map predicts for the centre.
+    /// The projector position that the map predicts for the cell's centre.
     expected: [f64; 2],
-    /// The mean displacement of the cell's codes from that position. `scatter` is their standard deviation along an axis.
+    /// The mean displacement of the cell's codes from `expected`. `scatter` is the standard deviation of the codes along an axis.
     off: [f64; 2],
     scatter: f64,
 }
@@ -70,7 +70,7 @@ pub(crate) fn disparity(decoded: &Decoded, fit: &Fit) -> Disparity {
         .collect();
     let lengths = || cells.iter().map(|cell| cell.off[0].hypot(cell.off[1]));
     let (median, upper) = (percentile(lengths(), 0.5), percentile(lengths(), 0.95));
-    // If there is only noise, the noise causes the typical displacement. The median length of a two-dimensional Gaussian is 1.18 σ.
+    // If all displacements are noise, their median length is 1.18 σ, as for a two-dimensional Gaussian.
     let error = within.min(median / 1.18).hypot(fit_error);
     Disparity { side, median, upper, error, cells }
 }
@@ -81,7 +81,7 @@ fn patches(decoded: &Decoded, map: &LensMap, side: usize) -> Vec<Patch> {
     let (across, down) = (camera.width.div_ceil(side), camera.height.div_ceil(side));
     let mut members: Vec<Vec<[f64; 2]>> = vec![Vec::new(); across * down];
     for seen in decoded.all() {
-        // A pixel that looks across the field's border is only partly lit, which shifts its centroid.
+        // A pixel across the field's border is only partly lit, which shifts its centroid.
         if (0..2).any(|axis| seen.at[axis] < step || seen.at[axis] > field[axis] - step) {
             continue;
         }
@@ -112,8 +112,8 @@ fn patches(decoded: &Decoded, map: &LensMap, side: usize) -> Vec<Patch> {
     members.iter().enumerate().filter_map(patch).collect()
 }
 
-/// Refits the common map to the cells and updates their displacements. The original map may lie between two depths, because it was fitted
-/// to single codes, which are rounded to pixels. Returns the map's standard error, or `None` when there are too few cells to fit a map.
+/// Refits the common map to the cells and updates their displacements. The original map was fitted to single codes, which are rounded to
+/// pixels, so it may lie between two depths. Returns the map's standard error, or `None` when there are too few cells to fit a map.
 fn refine(patches: &mut [Patch], map: &LensMap, spread: f64) -> Option<f64> {
     let seen = |patch: &Patch| [patch.expected[0] + patch.off[0], patch.expected[1] + patch.off[1]];
     let matches: Vec<Match> =
@@ -126,7 +126,7 @@ fn refine(patches: &mut [Patch], map: &LensMap, spread: f64) -> Option<f64> {
     Some(refitted.error)
 }
 
-/// The matrix that turns a displacement on the projector's raster to the photo's axes, and the number of projector pixels per camera pixel.
+/// The matrix that converts displacements from the projector's to the photo's axes, and the number of projector pixels per camera pixel.
 fn photo_axes(map: &LensMap, [x, y]: [f64; 2]) -> ([[f64; 2]; 2], f64) {
     let [west, east] = [-0.5, 0.5].map(|by| map.to_projector([x + by, y]));
     let [north, south] = [-0.5, 0.5].map(|by| map.to_projector([x, y + by]));
@@ -141,17 +141,17 @@ fn photo_axes(map: &LensMap, [x, y]: [f64; 2]) -> ([[f64; 2]; 2], f64) {
 /// A cell counts as displaced if its displacement exceeds this many standard errors and also [`LEAST_OFF`].
 const SIGMAS: f64 = 4.0;
 
-/// The least displacement of a displaced cell in projector pixels. It is the accuracy that calibration promises for a map. Indirect light
-/// shifts codes by up to 0.07 pixels where surfaces meet, even in an aligned rig.
+/// The smallest displacement of a displaced cell, in projector pixels. Calibration promises this accuracy for a map. Indirect light shifts
+/// codes by up to 0.07 pixels where surfaces meet, even in an aligned rig.
 const LEAST_OFF: f64 = 0.1;
 
-/// The least number of displaced cells, and the least share of displaced cells among all cells.
+/// An offset requires at least this number of displaced cells, and at least this fraction of all cells.
 const CELLS: (usize, f64) = (3, 0.01);
 
-/// The least share of the displacement that must point to one side for that side to be certain.
+/// The side is certain if at least this fraction of the displacement points to it.
 const ONE_SIDED: f64 = 0.8;
 
-/// `tan 22.5°`. A component of a direction is not mentioned if it is below this multiple of the other component.
+/// `tan 22.5°`. A component of a direction is not mentioned if it is smaller than the other component times this factor.
 const ASIDE: f64 = 0.414;
 
 /// The camera's offset as seen from the projector.
@@ -163,18 +163,18 @@ pub struct CameraOffset {
     pub size: f64,
     /// The standard error of `size`.
     pub error: f64,
-    /// Whether the side is certain. If not, the camera may equally be on the opposite side.
+    /// Whether the side is certain. If not, the camera may be on the opposite side.
     pub is_certain: bool,
-    /// The share of displaced cells in the field.
+    /// The fraction of cells in the field that are displaced.
     pub share: f64,
 }
 
-/// The least displacement, in projector pixels, that counts as different from the map.
+/// The smallest displacement that counts as different from the map, in projector pixels.
 pub(crate) fn least(disparity: &Disparity) -> f64 {
     (SIGMAS * disparity.error).max(LEAST_OFF)
 }
 
-/// The offset that follows from the displaced cells. `None` when there are too few.
+/// Computes the offset from the displaced cells. Returns `None` when there are too few displaced cells.
 pub(crate) fn stand(disparity: &Disparity) -> Option<CameraOffset> {
     let least = least(disparity);
     let out: Vec<&Cell> =
@@ -199,14 +199,14 @@ pub(crate) fn stand(disparity: &Disparity) -> Option<CameraOffset> {
     Some(CameraOffset {
         toward: axis.map(|part| side * part),
         size: middle(ahead),
-        // The rounding of codes does not average out from cell to cell.
+        // The rounding of codes is the same in many cells, so it does not average out.
         error: disparity.error,
         is_certain: 0.5 * (1.0 + net.abs() / total) >= ONE_SIDED,
         share,
     })
 }
 
-/// The displacement at which the sorted cumulative sum reaches half. It gives little weight to cells at the border of an object.
+/// The displacement at which the cumulative sum of the sorted displacements reaches half. Cells at an object's border have little weight.
 fn middle(mut displacements: Vec<f64>) -> f64 {
     displacements.sort_by(f64::total_cmp);
     let half = 0.5 * displacements.iter().sum::<f64>();
@@ -232,7 +232,7 @@ impl CameraOffset {
         }
     }
 
-    /// The way to move the camera towards the projector, such as `left and down`.
+    /// The direction in which the camera must move to reach the projector, such as `left and down`.
     pub fn remedy(&self) -> String {
         let [right, down] = self.parts();
         let ways = [
@@ -242,7 +242,7 @@ impl CameraOffset {
         ways.into_iter().flatten().collect::<Vec<_>>().join(" and ")
     }
 
-    /// Whether the camera is to the right, and whether it is below. `None` for a component that is too small.
+    /// Whether the camera is to the right of the projector, and whether it is below. `None` for a component too small to be mentioned.
     fn parts(&self) -> [Option<bool>; 2] {
         let [x, y] = self.toward;
         [(x.abs() > ASIDE * y.abs()).then_some(x > 0.0), (y.abs() > ASIDE * x.abs()).then_some(y > 0.0)]

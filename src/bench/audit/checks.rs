@@ -1,13 +1,13 @@
-//! The checks of an audit. Each check is a function.
+//! The checks of an audit.
 
 use crate::analysis::Crosstalk;
 use crate::finding::{Finding, Grade, Ratio};
 use crate::measure::Plane;
 
-/// A pixel is in shadow if less than this share of its light under white is direct.
+/// A pixel is in shadow if less than this fraction of its light under white is direct.
 const SHADOW: f64 = 0.05;
 
-/// Pixels with less than this share of the brightest pixel's light are too dark to be judged.
+/// Pixels with less than this fraction of the brightest pixel's light are too dark to be judged.
 const DARK: f64 = 0.02;
 
 fn of_length(numerator: f64, seen: &Plane) -> Ratio {
@@ -17,11 +17,11 @@ fn of_length(numerator: f64, seen: &Plane) -> Ratio {
     )
 }
 
-/// The relative deviation without the expected noise, `√(Σ r² − Σ var) / ‖reference‖`, and its standard error.
+/// The relative deviation without the expected noise, `√(Σ r² − Σ var) / ‖reference‖`, and its standard error. `r` are the residuals.
 fn deviation(residual: &[f64], variance: &[f64], reference: &Plane) -> (Ratio, f64) {
     let squares: f64 = residual.iter().map(|value| value * value).sum();
     let noise: f64 = variance.iter().sum();
-    // The sum of squares of n noisy values has a standard error of √(2 Σ var²), and its root has half of that divided by the root.
+    // The sum of squares of noisy values has a standard error of √(2 Σ var²). Its square root has half of this error, divided by the root.
     let spread = (2.0 * variance.iter().map(|variance| variance * variance).sum::<f64>()).sqrt();
     let excess = (squares - noise).max(0.0);
     let error = spread / (2.0 * excess.max(spread).max(f64::MIN_POSITIVE).sqrt());
@@ -29,7 +29,7 @@ fn deviation(residual: &[f64], variance: &[f64], reference: &Plane) -> (Ratio, f
     (figure, if spread > 0.0 { error.value().unwrap_or(0.0) } else { 0.0 })
 }
 
-/// The root mean square of the residuals in units of their predicted standard errors. `None` without noise.
+/// The root mean square of the residuals, each divided by its predicted standard error. `None` without noise.
 fn z(residual: &[f64], variance: &[f64]) -> Option<f64> {
     let pairs = residual.iter().zip(variance).filter(|(_, variance)| **variance > 0.0);
     let (sum, count) =
@@ -59,7 +59,8 @@ pub(crate) fn additivity(lit: &Plane, rest: &Plane, white: &Plane, bound: f64) -
     )
 }
 
-/// The largest relative deviation of the photos of shares of a pattern from these shares of `photo`, its standard error, and the share.
+/// Compares `photo` with photos of the same pattern multiplied by factors. `scaled` pairs each factor with its photo. Returns the largest
+/// relative deviation, its standard error and the factor.
 fn largest_deviation(photo: &Plane, scaled: &[(f64, Plane)]) -> (Ratio, f64, f64) {
     let norm: f64 = photo.values.iter().map(|value| value * value).sum();
     let mut worst = (Ratio::from(0.0), 0.0, 0.0);
@@ -71,7 +72,7 @@ fn largest_deviation(photo: &Plane, scaled: &[(f64, Plane)]) -> (Ratio, f64, f64
                 * (dimmed.variance[pixel] / (share * share) + photo.variance[pixel]);
         }
         let off = Ratio::of((dot / share - norm).abs(), norm, variance.sqrt());
-        // If there is nothing to measure for this share, no other share can give more information.
+        // If the deviation is undefined for one factor, no other factor can give more information.
         if off.value() >= worst.0.value() || off.value().is_none() {
             worst = (off, variance.sqrt() / norm, *share);
         }
@@ -111,7 +112,8 @@ pub(crate) fn repeatability(first: &Plane, last: Plane, bound: f64) -> Finding {
     )
 }
 
-/// `‖A − Aᵀ‖/‖A‖` from photos of `(1 + x)/2` for random signs `x`: `E (yᵀ A x − xᵀ A y)² = ‖A − Aᵀ‖²`, `E (yᵀ A x)² = ‖A‖²`.
+/// Estimates `‖A − Aᵀ‖/‖A‖` from photos of `(1 + x)/2` for random signs `x`. For two patterns `x` and `y`, the expected values are `E (yᵀ A
+/// x − xᵀ A y)² = ‖A − Aᵀ‖²` and `E (yᵀ A x)² = ‖A‖²`.
 pub(crate) fn symmetry(
     patterns: &[Vec<f64>],
     photos: &[Plane],
@@ -142,7 +144,7 @@ pub(crate) fn symmetry(
         }
     }
     let figure = Ratio::of((squares - noise).max(0.0).sqrt(), energy.sqrt(), 0.0);
-    // A mean of squares of `pairs` Gaussian values has a relative error of √(2/pairs), and its root has half of that relative error.
+    // The mean square of `pairs` Gaussian values has a relative error of √(2/pairs). Its square root has half of that relative error.
     let error = (squares / energy).sqrt() * (0.5_f64 / pairs).sqrt();
     Finding::judged(
         "symmetry",
@@ -206,7 +208,7 @@ pub(crate) fn drift(largest: f64) -> Finding {
     Finding::told("drift", largest.into(), 0.0, meaning)
 }
 
-/// The largest share of another projector colour in a camera channel, relative to the channel's own colour.
+/// The largest crosstalk: the signal of another projector colour in a camera channel, relative to the signal of the channel's own colour.
 pub(crate) fn crosstalk(crosstalk: &Crosstalk) -> Finding {
     let others = crosstalk.matrix().iter().enumerate().flat_map(|(channel, row)| {
         row.iter().enumerate().filter(move |(color, _)| *color != channel).map(|(_, entry)| *entry)

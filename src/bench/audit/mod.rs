@@ -1,6 +1,6 @@
 //! An audit checks whether a source is the linear, symmetric operator that all other analyses assume.
 //!
-//! Each check compares photos of random patterns. It gives a figure, its standard error from the photos' noise, and a bound:
+//! Each check compares photos of random patterns. It gives a figure, the figure's standard error due to the photos' noise, and a bound:
 //!
 //! | check | what is compared | what breaks it |
 //! |---|---|---|
@@ -11,7 +11,7 @@
 //! | crosstalk | each channel under red, green and blue alone | a camera channel that sees the projector's other colours |
 //! | direct light | pixels with light, but without direct light | the same causes as for symmetry: shadows |
 //!
-//! The reason for a failed check may be automatic behaviour of a rig's devices, which [`crate::bench::rig_check::faults`] reports.
+//! Automatic behaviour of a rig's devices may cause a check to fail. [`crate::bench::rig_check::faults`] reports such behaviour.
 //!
 //! Source: O'Toole and Kutulakos, section 8.
 
@@ -31,13 +31,13 @@ mod checks;
 /// The options of an audit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AuditOptions {
-    /// Number of random patterns. Symmetry is judged from all pairs of them.
+    /// Number of random patterns. Symmetry is judged from all pairs of patterns.
     pub patterns: usize,
     /// The largest relative deviation from additivity, homogeneity and repeatability that passes.
     pub tolerance: f64,
     /// The largest `‖A − Aᵀ‖/‖A‖` (Frobenius) that passes.
     pub asymmetry: f64,
-    /// The largest share of pixels in shadow that passes.
+    /// The largest fraction of pixels in shadow that passes.
     pub share: f64,
     /// Seed of the random patterns.
     pub seed: u64,
@@ -58,7 +58,7 @@ pub struct AuditReport {
     pub resolution: Resolution,
     /// The white photo. Empty if it could not be taken.
     pub white: Vec<f64>,
-    /// The share of direct light in each pixel's light under white. Empty if it is not known.
+    /// The fraction of direct light in each pixel's light under white. Empty if it is not known.
     pub direct_share: Vec<f64>,
     /// Pixels that see light, but no direct light.
     pub shadow: Vec<bool>,
@@ -66,7 +66,7 @@ pub struct AuditReport {
     pub additivity: Vec<f64>,
     /// Number of patterns photographed.
     pub photos: usize,
-    /// Findings about automatic behaviour of a rig's devices, such as an iris. They explain a failed check, and do not fail the audit.
+    /// Findings about automatic behaviour of a rig's devices, such as an iris. They may explain a failed check, but do not fail the audit.
     pub devices: Vec<Finding>,
 }
 
@@ -115,7 +115,7 @@ impl AuditReport {
 /// The name of the finding that says whether there is light to measure.
 const LIGHT: &str = "light";
 
-/// Audits `subject`. A camera that is saturated in every exposure gives a failed check, not an error.
+/// Audits `subject`. A camera that is saturated at every exposure causes a failed check, not an error.
 ///
 /// # Errors
 /// [`Error::Option`] for fewer than two patterns, and any error of taking photos.
@@ -231,10 +231,10 @@ pub trait Audited {
     /// The photo of a pattern of values in \[0, 1\].
     fn photograph(&mut self, pattern: &[f64]) -> Result<Plane>;
 
-    /// A finding named `light` that says whether white gives any light to measure. It is called after the white photo was taken.
+    /// A finding named `light` that says whether white gives enough light for the audit. It is called after the white photo was taken.
     fn sight(&mut self) -> Result<Finding>;
 
-    /// Marks the pixels that the camera sees. The other pixels are never lit.
+    /// Marks the pixels that the camera sees. No other pixel is ever lit.
     fn seen(&self) -> Vec<bool>;
 
     /// The direct light under white, if it is known.
@@ -245,12 +245,12 @@ pub trait Audited {
         Ok(None)
     }
 
-    /// The share of the camera's samples of white that are saturated in some exposure. `None` without a camera.
+    /// The fraction of the camera's samples of white that are saturated at some exposure. `None` without a camera.
     fn saturated(&mut self) -> Result<Option<f64>> {
         Ok(None)
     }
 
-    /// Photos of the projector's red, green and blue alone, in each camera channel. `None` if either device is monochrome.
+    /// Photos of the projector's red, green and blue, each shown alone, in each camera channel. `None` if either device is monochrome.
     fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
         Ok(None)
     }
@@ -261,7 +261,7 @@ pub trait Audited {
     }
 }
 
-/// Operators without noise, for example from a simulated scene.
+/// Operators without noise, for example of a simulated scene.
 pub struct Exact<'a> {
     /// The operator of all light.
     pub full: &'a mut dyn Operator,

@@ -1,4 +1,4 @@
-//! The check of the projector's brightness. It finds whether the brightness follows the frame (automatic iris), whether all levels are
+//! The check of the projector's brightness. It finds whether the brightness depends on the frame (automatic iris), whether all levels are
 //! shown (limited-range video), and whether light reaches the camera without the scene (stray light).
 
 use crate::bench::rig_check::probe::{Probe, average, binned};
@@ -7,38 +7,38 @@ use crate::error::Result;
 use crate::finding::{Ratio, SIGMAS};
 use crate::image::percentile;
 
-/// The bound on an automatic iris: the sum of the quadrants of white may differ from white by this share.
+/// The bound on an automatic iris: the sum of the quadrants of white may differ from white by this fraction.
 const IRIS: f64 = 0.02;
 
-/// The same as [`IRIS`] where the camera's response is not known. A response of `x^0.95` causes a difference of 4 %.
+/// The bound on an automatic iris where the camera's response is not known. A response of `x^0.95` causes a difference of 4 %.
 const IRIS_UNCALIBRATED: f64 = 0.05;
 
-/// The bound on the white segment of a colour wheel: the sum of red, green and blue may differ from gray by this share.
+/// The bound on the white segment of a colour wheel: the sum of red, green and blue may differ from gray by this fraction.
 const COLOURS: f64 = 0.02;
 
-/// The same as [`COLOURS`] where the camera's response is not known. With a monochrome camera, `x^0.95` causes a difference of 5.6 %.
+/// The bound on a white segment where the camera's response is not known. With a monochrome camera, `x^0.95` causes a difference of 5.6 %.
 const COLOURS_UNCALIBRATED: f64 = 0.07;
 
-/// The check warns when more than this share of white's light reaches all pixels evenly and follows the pattern.
+/// The bound on stray light: the fraction of white's light that reaches all pixels evenly and follows the pattern.
 const STRAY: f64 = 0.02;
 
-/// The check warns when level 235 of 255 is darker than white by less than this share. A level in proportion to light is 8 % darker.
+/// The check warns when level 235 of 255 is darker than white by less than this fraction. With a linear response, this level is 8 % darker.
 const CLIPPED: f64 = 0.01;
 
-/// The levels by which limited-range video is recognized, as shares of the highest level.
+/// The levels by which limited-range video is recognized, as fractions of the highest level.
 const VIDEO_ENDS: [f64; 2] = [16.0 / 255.0, 235.0 / 255.0];
 
-/// The number of blocks along an axis into which the picture is divided for the search of stray light.
+/// The number of blocks along an axis into which the picture is divided to detect stray light.
 const BLOCKS: usize = 24;
 
-/// The exponent that separates even light from light of the scene. In the blocks where it is least, even light grows at most by this power
-/// of the light under white, and light of the scene grows in proportion to it.
+/// The exponent that distinguishes stray light from light of the scene. The light of the darkest blocks is compared with their light under
+/// white. Stray light grows at most as this power of the light under white, whereas light of the scene grows in proportion to it.
 const EVEN: f64 = 0.5;
 
-/// The least standard deviation of the logarithm of the brightnesses that shows such a power.
+/// The smallest standard deviation of the logarithms of brightness from which the exponent can be determined.
 const LEAST_SPREAD: f64 = 0.05;
 
-/// The approximate number of seconds that an iris needs for a frame.
+/// The approximate time that an iris needs to adapt to a frame, in seconds.
 const IRIS_SECONDS: f64 = 1.5;
 
 /// Photographs white, its four quadrants, white again, and two levels near black and white: eight frames. `settle` is the usual wait.
@@ -83,7 +83,7 @@ fn iris(probe: &Probe<'_>, [before, after]: [f64; 2], quadrants: &[Vec<f64>]) ->
         return Finding::unmeasured("iris", "white has no more light than black");
     };
     let bound = if probe.is_known { IRIS } else { IRIS_UNCALIBRATED };
-    // Pulses and flicker change each photo by the scatter, and the sum of four photos by half of it.
+    // Pulses and flicker change each photo by the scatter. The sum of the four quadrants changes by half of the scatter.
     let scatter = (0.5 * probe.scatter).max(change.abs());
     let is_off = off.abs() - 1.5 * scatter > bound;
     let found = match (is_off, off < 0.0) {
@@ -109,8 +109,8 @@ fn iris(probe: &Probe<'_>, [before, after]: [f64; 2], quadrants: &[Vec<f64>]) ->
     Finding::at_most("iris", [off.abs(), 0.5 * scatter, bound], beyond, found, expected, help)
 }
 
-/// Whether light reaches all pixels evenly, in proportion to the mean of the pattern. Light of the scene does not: light from far away is
-/// weak somewhere, and is proportional to the pixel's reflectance.
+/// Checks whether a part of the light reaches all pixels evenly, in proportion to the mean of the pattern. Light of the scene is uneven:
+/// light from far away is weak somewhere, and is proportional to the pixel's reflectance.
 fn stray(probe: &Probe<'_>, quadrants: &[Vec<f64>]) -> Finding {
     let side = (probe.camera().width.min(probe.camera().height) / BLOCKS).max(1);
     let small = |light: &[f64]| binned(light, probe.camera(), side).0;
@@ -152,7 +152,7 @@ fn stray(probe: &Probe<'_>, quadrants: &[Vec<f64>]) -> Finding {
     .measured(share, probe.scatter / SIGMAS, STRAY)
 }
 
-/// The slope of the line through points, and its standard error. `None` for fewer than nine points or nearly equal first coordinates.
+/// The slope of a line through points, and its standard error. `None` for fewer than nine points or nearly equal first coordinates.
 fn slope(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     let count = points.len() as f64;
     let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / count;
@@ -166,7 +166,7 @@ fn slope(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     Some([slope, (residual / (count - 2.0) / spread).sqrt()])
 }
 
-/// Whether the highest levels differ. `ends` is the light of levels 16 and 235 of 255, relative to white.
+/// Checks whether the highest levels differ. `ends` is the light of levels 16 and 235 of 255, relative to white.
 fn levels(probe: &Probe<'_>, ends: [f64; 2]) -> Finding {
     let [low, high] = ends;
     let is_clipped = (1.0 - high).abs() + 1.5 * probe.scatter < CLIPPED;
@@ -195,10 +195,10 @@ fn levels(probe: &Probe<'_>, ends: [f64; 2]) -> Finding {
 
 // The check of the projector's colours: whether red, green and blue add up to gray of the same level.
 //
-// A colour wheel with a white segment makes gray brighter than its colours together, and so does a projector that trades saturation for
-// brightness. Photos are then still proportional to gray patterns, but not to coloured ones.
+// If a colour wheel has a white segment, gray is brighter than the sum of its colours. The same is true of a projector that trades
+// saturation for brightness. Photos are then linear in gray patterns, but not in coloured ones.
 
-/// The levels of the colours, as shares of the highest level. A white segment may be used for bright colours only.
+/// The levels of the colours, as fractions of the highest level. A projector may use its white segment for bright colours only.
 const LEVELS: [f64; 2] = [1.0, 0.5];
 
 /// Photographs gray, red, green and blue at two levels: eight frames. A gray projector needs no photos.
@@ -222,10 +222,10 @@ pub(crate) fn colours(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) ->
     recorder.add(sum(probe, off))
 }
 
-/// Judges the relative differences of the three colours together from gray, at both levels.
+/// Judges the sum of the three colours: its relative differences from gray at both levels.
 fn sum(probe: &Probe<'_>, off: [f64; 2]) -> Finding {
     let bound = if probe.is_known { COLOURS } else { COLOURS_UNCALIBRATED };
-    // The scatter of a photo of gray, plus the scatter of the sum of three photos with a third of its light each.
+    // The allowance is the scatter of a photo of gray, plus the scatter of the sum of three photos with a third of gray's light each.
     let is_off = |off: f64| off.abs() - 1.5 * probe.scatter > bound || off.is_nan();
     let [full, half] = off.map(|off| 100.0 * off);
     let is_less = off.iter().any(|&off| is_off(off) && off < 0.0);
@@ -272,7 +272,7 @@ mod tests {
         let [value, error] = slope(&points).expect("the points are apart");
         assert!((value - 0.3).abs() < 3.0 * error && error < 2e-3, "{value} ± {error}");
         assert_eq!(slope(&[[1.0, 2.0]; 20]), None);
-        // Nine ordinates rise by 2. The first is 3 too high and the last is 3 too low, which lowers the slope by 0.4.
+        // The points rise by 2 per step. The first is 3 too high and the last is 3 too low, which lowers the slope by 0.4.
         let mut points: Vec<[f64; 2]> = (0..9).map(|at| [f64::from(at), 2.0 * f64::from(at)]).collect();
         points[0][1] += 3.0;
         points[8][1] -= 3.0;
@@ -282,7 +282,7 @@ mod tests {
         assert_eq!(slope(&points[1..]), None, "eight are too few");
     }
 
-    /// A probe of a bench without a calibration whose camera sees each of five by four pixels separately. All whites are equal.
+    /// A probe of an uncalibrated bench whose camera sees each of five by four pixels separately. All photos of white are equal.
     fn with_probe<T>(bits: u32, check: impl FnOnce(&mut Probe<'_>) -> T) -> T {
         use crate::measure::CaptureRequest;
         let top = f64::from((1_u32 << bits) - 1);
@@ -301,7 +301,7 @@ mod tests {
         check(&mut Probe::new(&mut frames, None, &photos, 0.1, true))
     }
 
-    /// Photos from before the check are not counted.
+    /// Photos taken before the check are not counted.
     #[test]
     fn a_check_counts_its_own_photos() {
         use crate::measure::{CaptureRequest, FrameSource};
@@ -332,7 +332,7 @@ mod tests {
     fn the_quadrants_of_a_frame_have_no_pixel_in_common_and_make_up_all_of_it() {
         with_probe(8, |probe| {
             let Quadrants { whites, quadrants } = quadrants(probe).expect("it never fails");
-            // The third of five columns belongs to the left quadrants, because its left edge does.
+            // The third of five columns belongs to the left quadrants, because its left edge lies in them.
             let lit = |light: &[f64]| {
                 light.iter().map(|light| (light / 50_000.0).round() as u8).collect::<Vec<u8>>()
             };
@@ -346,7 +346,7 @@ mod tests {
         });
     }
 
-    /// Without a calibration, the sum may be off by 5 % plus one and a half times the scatter.
+    /// Without a calibration, the sum may differ by 5 % plus one and a half times the scatter.
     #[test]
     fn an_iris_is_found_where_the_quadrants_do_not_add_up_to_white() {
         with_probe(8, |probe| {
@@ -365,7 +365,7 @@ mod tests {
                     Grade::Warning,
                     "dims dark frames: the quadrants of white together have 5.5 % less",
                 ),
-                // Whites that differ by 4 % of their mean allow another 6 %.
+                // Two photos of white that differ by 4 % of their mean allow another 6 %.
                 ([1.96, 2.04], 2.21, Grade::Ok, "within 10.50 %"),
                 ([1.96, 2.04], 2.23, Grade::Warning, "11.5 % more"),
             ] {
@@ -373,7 +373,7 @@ mod tests {
                 let finding = iris(probe, [before, after], &quadrants);
                 assert!(finding.grade == grade && finding.found.contains(text), "{finding}");
             }
-            // Photos that scatter by 8 % make their sum scatter by half of that.
+            // If photos scatter by 8 %, their sum scatters by half of that.
             probe.scatter = 0.08;
             for (sum, grade) in [(2.21, Grade::Ok), (2.23, Grade::Warning)] {
                 let quadrants = vec![vec![0.25 * sum; 20]; 4];
@@ -382,7 +382,7 @@ mod tests {
         });
     }
 
-    /// Light of 3 % of white's mean reaches all pixels evenly. A scatter of more than 1 % leaves less than the bound of 2 %.
+    /// Light of 3 % of white's mean reaches all pixels evenly. If the scatter exceeds 1 %, less than the bound of 2 % remains.
     #[test]
     fn stray_light_is_what_exceeds_the_scatter_of_photos() {
         with_probe(8, |probe| {
@@ -439,7 +439,7 @@ mod tests {
         }
     }
 
-    /// The findings of a gray camera without a calibration. The white segment adds the share `segment` of gray above the level `above`.
+    /// The findings for a gray camera without a calibration. Above level `above`, the white segment adds the fraction `segment` of gray.
     fn found(segment: f64, above: f64) -> Vec<Finding> {
         let photo = move |request: &CaptureRequest, _| {
             let light = |levels: &[u16]| {
@@ -447,7 +447,7 @@ mod tests {
                 let gray = colours.iter().copied().fold(1.0, f64::min);
                 colours.iter().sum::<f64>() + 3.0 * segment * (gray - above).max(0.0)
             };
-            // Forty counts for each level avoid rounding where no segment shines.
+            // Forty counts for each level avoid rounding where the segment adds no light.
             let count = |levels: &[u16]| (100.0 + 40.0 * 255.0 * light(levels)).round() as u16;
             request.frame.levels().chunks_exact(request.frame.channels()).map(count).collect()
         };
@@ -470,7 +470,7 @@ mod tests {
             (0.06, 0.0, Grade::Ok, "within 5.66 %"),
             // 1/1.1 − 1 at every level.
             (0.1, 0.0, Grade::Warning, "by -9.1 % at the highest level and by -9.1 % at half of it"),
-            // Four tenths of the segment shine at the highest level, which gives 1/1.2 − 1. None of it shines at half of this level.
+            // At the highest level, four tenths of the segment add light, which gives 1/1.2 − 1. At half of this level, it adds no light.
             (
                 0.5,
                 0.6,

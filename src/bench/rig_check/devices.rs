@@ -11,24 +11,24 @@ use crate::io::atomic;
 use crate::measure::{Calibration, FrameSource, MeasureOptions, RigFile, RigKind, sight};
 use crate::rig::{CameraInfo, CameraSpec, Frame, HardwareRig, Helper, Projector, ProjectorInfo, X11Spec};
 
-/// An exposure may differ from a whole number of projector refreshes by this share of one refresh.
+/// An exposure may differ from a whole number of projector refreshes by this fraction of a refresh.
 const REFRESH_FRACTION: f64 = 0.02;
 
-/// The check warns when there is disk space for fewer photos. This is a long session: a capture with several exposures and takes, its
-/// calibration, and a second try.
+/// The check warns when there is disk space for fewer photos than this. A long session takes so many: a capture with several exposures and
+/// repeated photos, its calibration, and a second try.
 const SESSION_PHOTOS: u64 = 5000;
 
 /// The check fails when there is disk space for fewer photos than this, because not even one capture fits.
 const MIN_PHOTOS: u64 = 200;
 
-/// The check warns when the error of the pixel map exceeds this many projector pixels. The calibration promises this accuracy.
+/// The check warns when the error of the pixel map exceeds this, in projector pixels. The calibration promises this accuracy.
 const MAP_OFFSET_WARNING: f64 = 0.1;
 
-/// The check fails when the error of the pixel map exceeds this many projector pixels. A third of the direct light is then assigned to a
-/// neighbouring pixel.
+/// The check fails when the error of the pixel map exceeds this, in projector pixels. A neighbouring pixel then gets a third of the direct
+/// light.
 const MAP_OFFSET_FAILURE: f64 = 0.3;
 
-/// The check fails when the correlation of a photo of a random pattern with the pattern is less than this.
+/// The check fails when a random pattern and its photo have a correlation below this.
 const MIN_CORRELATION: f64 = 0.5;
 
 /// Describes the rig of the file, and checks whether its exposures suit its projector.
@@ -48,7 +48,7 @@ pub(crate) fn file(file: &RigFile) -> Finding {
     }
 }
 
-/// The first exposure that is not a whole multiple of the refresh time. Such an exposure contains more of one refresh than of another.
+/// The first exposure that is not a whole multiple of the refresh time. Such an exposure covers a refresh only in part.
 fn uneven(options: &MeasureOptions, frame_time: f64) -> Option<f64> {
     let is_uneven = |exposure: &f64| {
         let refreshes = exposure / frame_time;
@@ -74,7 +74,7 @@ pub(crate) fn devices(
     };
     let has_monitor = monitor(&rig.projector, recorder)?;
     let shows = has_monitor && screen(rig, helper, recorder)?;
-    // The camera is checked even if the projector fails, so that two faults are reported at once.
+    // The camera is checked even if the projector fails, so that faults of both are reported at once.
     let captures = camera(rig, helper, recorder)?;
     Ok(shows && captures)
 }
@@ -113,7 +113,7 @@ fn monitor(spec: &X11Spec, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
     Ok(true)
 }
 
-/// Shows every level and reads it back. Returns whether the projector shows the expected levels.
+/// Shows every level and reads it back from the screen. Returns whether the screen has the expected levels.
 fn screen(
     rig: &HardwareRig,
     helper: &dyn Fn() -> Result<Helper>,
@@ -142,7 +142,7 @@ fn ramp(info: &ProjectorInfo) -> Result<Vec<Frame>> {
     let (pixels, levels) = (info.resolution.pixels(), usize::from(info.highest()) + 1);
     (0..levels.div_ceil(pixels))
         .map(|frame| {
-            // The channels differ, so that exchanged channels are detected.
+            // The channels have different levels, so that exchanged channels are detected.
             let level = |sample: usize| {
                 let (pixel, channel) = (sample / info.channels, sample % info.channels);
                 ((frame * pixels + pixel + 85 * channel) % levels) as u16
@@ -185,14 +185,14 @@ fn camera(
     }
 }
 
-/// Whether the folder can be written, and has space for a session's photos.
+/// Checks whether the folder is writable, and has space for a session's photos.
 pub(crate) fn space(folder: &Path, camera: &CameraInfo) -> Finding {
     let there = existing(folder);
-    // Only the permission is checked; no file of this name remains.
+    // Only the permission is checked. No file remains.
     if let Err(why) = atomic::check_writable(&there.join("krylux-check")) {
         return Finding::error("disk", &why);
     }
-    // A journal stores two bytes per sample; levels and headers take less than that.
+    // A journal stores two bytes per sample. Levels and headers take less space than the photos.
     let photo_bytes = 2 * (camera.resolution.pixels() * camera.channels) as u64;
     let Some(free) = free(&there) else {
         return Finding::ok("disk", format!("{} can be written; the free space is unknown", there.display()));
@@ -267,7 +267,7 @@ pub(crate) fn calibration(file: &RigFile, recorder: &mut Recorder<'_, '_>) -> Re
     Ok(known)
 }
 
-/// The age as in `, 3 days old`. It is empty if the file system does not know it.
+/// The age of the calibration, such as `, 3 days old`. The text is empty if the file system does not know the age.
 fn age(folder: &Path) -> String {
     let written = std::fs::metadata(folder.join("calibration.toml")).and_then(|file| file.modified()).ok();
     let hours = written
@@ -280,8 +280,7 @@ fn age(folder: &Path) -> String {
     }
 }
 
-/// Photographs random squares to measure the error of the pixel map. Without a calibration, the map assumes that both rasters cover the
-/// same field, as a run would.
+/// Photographs random squares to measure the error of the pixel map. Without a calibration, both rasters are assumed to cover one field.
 pub(crate) fn pixel_map(
     known: Option<&Calibration>,
     frames: &mut dyn FrameSource,
@@ -303,7 +302,7 @@ pub(crate) fn pixel_map(
             Finding::graded("pixel map", Grade::Fails, fault, expected, help)
         }
         Err(error) => return Err(error),
-        // No shift fits at all, so there is no correlation.
+        // If no shift fits, the correlation is not a finite number.
         Ok(found) if found.agreement < MIN_CORRELATION || found.agreement.is_nan() => {
             let by = if found.agreement.is_finite() {
                 format!(" (correlation {:.2})", found.agreement)
@@ -380,7 +379,7 @@ mod tests {
         };
         let finding = space(&folder.path().join("a/b"), &camera(1));
         assert_eq!(finding.grade, Grade::Ok, "{finding:?}");
-        // No disk has space for photos of an exabyte.
+        // No disk has space for photos of an exabyte each.
         let finding = space(folder.path(), &camera(1 << 59));
         assert_eq!(finding.grade, if cfg!(unix) { Grade::Fails } else { Grade::Ok }, "{finding:?}");
     }

@@ -1,9 +1,9 @@
 //! The check of a rig before a session, in under a minute: rig file, disk space, devices, light, frames, calibration, and automatic
 //! behaviour of projectors and cameras (an iris, pulses, overscan).
 //!
-//! [`check`] examines one thing after another and hands each [`Finding`] to a callback as soon as it is known. A finding has the state that
-//! was found, the expected state, and the remedy. Its [`Grade`] follows from the bounds that stand beside each check. `krylux rig check` prints these
-//! findings.
+//! [`check`] runs one check after another and passes each [`Finding`] to a callback as soon as it is known. A finding has the state that
+//! was found, the expected state, and the remedy. Its [`Grade`] follows from bounds, which are constants beside each check. `krylux rig
+//! check` prints these findings.
 //!
 //! ```no_run
 //! use std::ops::ControlFlow;
@@ -46,7 +46,7 @@ use crate::rig::Helper;
 use photos::{Seen, Setup};
 use probe::Probe;
 
-/// The rig to be checked, and the means to open it.
+/// The rig to be checked, and the functions to open it.
 pub struct RigToCheck<'a> {
     /// The rig file.
     pub file: &'a RigFile,
@@ -54,7 +54,7 @@ pub struct RigToCheck<'a> {
     pub folder: &'a Path,
     /// Finds the program that draws on the screen of an X11 projector. It is called only for a rig of real devices.
     pub helper: &'a dyn Fn() -> Result<Helper>,
-    /// Opens projector and camera together. It is called after each device was opened and closed separately.
+    /// Opens projector and camera together. It is called after each device has been opened and closed separately.
     pub open: &'a mut dyn FnMut() -> Result<Box<dyn FrameSource>>,
 }
 
@@ -71,8 +71,8 @@ pub fn check(rig: RigToCheck<'_>, report: &mut Report<'_>) -> Result<Findings> {
     Ok(recorder.findings)
 }
 
-/// The only finding of a rig whose file could not be read is `error`. Returns [`Error::Interrupted`] when `report` breaks, or when `error`
-/// is this error.
+/// Reports `error` as the only finding of a rig whose file could not be read. Returns [`Error::Interrupted`] when `report` breaks, or when
+/// `error` is [`Error::Interrupted`].
 pub fn unreadable(error: Error, report: &mut Report<'_>) -> Result<Findings> {
     let mut recorder = Recorder::new(report);
     recorder.failure("file", error)?;
@@ -107,7 +107,7 @@ fn examine(rig: RigToCheck<'_>, recorder: &mut Recorder<'_, '_>) -> Result<bool>
             .map(|()| true),
         None => Ok(false),
     });
-    // The devices are free again before anything else is reported.
+    // The devices are released before any other finding is reported.
     drop(frames);
     examined.or_else(|error| recorder.failure("frames", error))
 }
@@ -128,7 +128,7 @@ fn map(
 
 /// Findings about automatic behaviour of an open rig's devices and about obstacles to their light: an automatic iris, stray light,
 /// limited-range video, pulses of a lamp or colour wheel, a rolling shutter, overscan, blur, ghosts, and a white segment. They are the last
-/// findings of [`check`], and an audit names them too. The list is empty when white cannot be seen. An error of the devices is a finding.
+/// findings of [`check`], and an audit reports them too. The list is empty when white cannot be seen. An error of the devices is a finding.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when the devices return it.
@@ -149,7 +149,7 @@ pub fn faults(
             return Ok(recorder.findings.all);
         }
     };
-    // The caller judges black and white with photos taken separately, so the findings about them are dropped.
+    // The caller judges black and white from other photos, so the findings about them are dropped here.
     recorder.findings.all.clear();
     if let Some(seen) = seen
         && let Err(error) = imperfections(&setup, &seen, frames, &mut recorder)
@@ -159,9 +159,9 @@ pub fn faults(
     Ok(recorder.findings.all)
 }
 
-/// Looks for common effects of benches that menus hide: an automatic iris, stray light, limited-range video, pulses of light, a rolling
-/// shutter, overscan, blur, ghosts, and a white segment. This takes 23 photos, and eight more with a colour projector. Patterns are
-/// photographed twice where their light has not settled.
+/// Checks for common effects that the menus of the devices hide: an automatic iris, stray light, limited-range video, pulses of light, a
+/// rolling shutter, overscan, blur, ghosts, and a white segment. The checks take 23 photos, and eight more with a colour projector. If a
+/// pattern's light has not settled, the pattern is photographed twice.
 fn imperfections(
     setup: &Setup<'_>,
     seen: &Seen,
@@ -201,7 +201,7 @@ impl<'a, 'b> Recorder<'a, 'b> {
         }
     }
 
-    /// Adds the error that prevents the rest of the check. Returns `false`, because the check is then incomplete.
+    /// Adds the error that prevents the remaining checks. Returns `false`, because the check is then incomplete.
     fn failure(&mut self, name: &'static str, error: Error) -> Result<bool> {
         if matches!(error, Error::Interrupted) {
             return Err(error);

@@ -1,4 +1,4 @@
-//! The check with photos of black and white: exposure, saturation, ambient light, frames, settling, repeatability and noise.
+//! The check by photos of black and white: exposure, saturation, ambient light, frames, settling, repeatability and noise.
 
 use std::borrow::Cow;
 
@@ -11,29 +11,29 @@ use crate::measure::sight::judged;
 use crate::measure::{Calibration, Effort, FrameSource, Registration, noise_ratio};
 use crate::rig::RawFrame;
 
-/// The check warns when white's 98th percentile is below this share of the camera's range. Most of the range is then unused.
+/// The check warns when white's 98th percentile is below this fraction of the camera's range. Most of the range is then unused.
 const DIM_WHITE: f64 = 0.2;
 
-/// The check fails when white's 98th percentile is below this share of the camera's range. The camera then does not see the projector.
+/// The check fails when white's 98th percentile is below this fraction of the camera's range. The camera then does not see the projector.
 const INVISIBLE_WHITE: f64 = 0.01;
 
-/// The check warns when more than this share of white's samples is saturated.
+/// The check warns when more than this fraction of white's samples is saturated.
 const SATURATED_WARNING: f64 = 0.01;
 
-/// The check fails when more than this share of white's samples is saturated.
+/// The check fails when more than this fraction of white's samples is saturated.
 const SATURATED_FAILURE: f64 = 0.1;
 
-/// The check warns when the light without a pattern exceeds this share of white's light, which adds a tenth to the noise of white.
+/// The check warns when light without a pattern exceeds this fraction of white's light. It then adds a tenth to the noise of white.
 const AMBIENT: f64 = 0.2;
 
-/// The check warns when drift and flicker change white by more than this share between photos. `krylux audit` has the same bound.
+/// The check warns when drift and flicker change white by more than this fraction between photos. `krylux audit` has the same bound.
 const REPEATABILITY: f64 = 0.01;
 
-/// The check fails when white right after black has less light than a repeated white by more than this share. The latency measurement of
+/// The check fails when the first white after black differs from a repeated white by more than this fraction. The latency measurement of
 /// the calibration has the same tolerance.
 const SETTLING: f64 = 2e-3;
 
-/// The check warns when a photo's noise, as a multiple of the noise that the calibration predicts, is outside this interval.
+/// The check warns when a photo's noise, divided by the noise that the calibration predicts, is outside this interval.
 const NOISE_RATIO: [f64; 2] = [0.8, 1.25];
 
 const NO_WHITE: &str = "white has no more light than black";
@@ -50,12 +50,12 @@ pub(crate) struct Setup<'a> {
 pub(crate) struct Seen {
     pub(crate) exposure: f64,
     pub(crate) photos: Photos,
-    /// Whether the first photo of a frame has all of its light.
+    /// Whether the first photo of a frame already has all of the frame's light.
     pub(crate) settled: bool,
     pub(crate) in_range: bool,
 }
 
-/// Takes and examines photos of black and white. Returns them if white can be seen.
+/// Takes and examines photos of black and white. Returns the photos if white can be seen.
 pub(crate) fn photos(
     setup: &Setup<'_>,
     frames: &mut dyn FrameSource,
@@ -70,7 +70,7 @@ pub(crate) fn photos(
     let [projector, camera] = [frames.projector().resolution, frames.camera().resolution];
     let map = match setup.known {
         Some(known) => Cow::Borrowed(&known.registration),
-        // A run without a calibration uses this map.
+        // A run without a calibration uses the same map.
         None => Cow::Owned(Registration::by_area(projector, camera)),
     };
     let exposure = Exposure { seconds, outcome, bits };
@@ -94,7 +94,7 @@ pub(crate) fn photos(
     recorder.add(repeatability(&means))?;
     if let Some(known) = setup.known {
         let [first, second] = &photos.whites[0];
-        // A white that is saturated everywhere has already been reported.
+        // If white is saturated everywhere, this has already been reported.
         if let Some(found) = noise_ratio(first, second, &known.camera, bits)? {
             recorder.add(noise(found.ratio, found.error))?;
         }
@@ -131,7 +131,7 @@ fn sequence(effort: &Effort) -> Finding {
     )
 }
 
-/// Whether white has all of its light right after black. `means` are the mean counts of the two photos of white in each round.
+/// Checks whether white has all of its light right after black. `means` are the mean counts of the two photos of white in each round.
 fn settling(means: &[[f64; 2]], settle: f64) -> Finding {
     let missing: Option<Vec<f64>> =
         means.iter().map(|[first, again]| Ratio::of(again - first, *again, 0.0).value()).collect();
@@ -169,7 +169,7 @@ fn repeatability(means: &[[f64; 2]]) -> Finding {
     )
 }
 
-/// Whether the noise of a photo agrees with the calibration. `ratio` is the measured noise divided by the predicted noise.
+/// Checks whether the noise of a photo agrees with the calibration. `ratio` is the measured noise divided by the predicted noise.
 fn noise(ratio: f64, error: f64) -> Finding {
     let [least, most] = NOISE_RATIO;
     let is_off = ratio - SIGMAS * error > most || ratio + SIGMAS * error < least;
@@ -196,8 +196,8 @@ pub(crate) struct Exposure {
     pub(crate) bits: u32,
 }
 
-/// Examines exposure, saturation, whether the camera sees the projector where the pixel map says, and then ambient light. Returns whether
-/// white can be seen at all, and whether hardly any of its samples is saturated.
+/// Examines exposure, saturation, whether the camera sees the projector where the pixel map predicts, and then ambient light. Returns
+/// whether white can be seen, and whether only a few of its samples are saturated.
 pub(crate) fn light(
     known: Option<&Calibration>,
     map: &Registration,
@@ -208,7 +208,7 @@ pub(crate) fn light(
     let full = f64::from((1_u32 << exposure.bits) - 1);
     let limit = known.map_or(full, |known| known.camera.saturation);
     let (dark, white) = (photos.dark_count, &photos.whites[0][1]);
-    // A camera that is saturated without a pattern has no remaining range.
+    // A camera that is saturated without a pattern has no range left.
     let reached = Ratio::of(white.percentile(0.98) - dark, full - dark, 0.0).value().unwrap_or(0.0);
     recorder.add(range(reached, &exposure))?;
     let saturated = white.counts.iter().filter(|&&count| f64::from(count) >= limit).count() as f64;
@@ -224,8 +224,8 @@ pub(crate) fn light(
     Ok((is_seen, saturated <= SATURATED_WARNING))
 }
 
-/// White minus black in each sample, and the variance that this difference would have without light of the projector. The variance follows
-/// from the changes of white minus black between rounds.
+/// For each sample, white minus black and the variance that this difference would have without light of the projector. The variance is
+/// computed from the changes of white minus black between rounds.
 fn above_black(photos: &Photos) -> Vec<[f64; 2]> {
     let rounds = photos.whites.len() as f64;
     let sample = |sample: usize| {
@@ -239,13 +239,13 @@ fn above_black(photos: &Photos) -> Vec<[f64; 2]> {
             .collect();
         let mean = steps.iter().sum::<f64>() / rounds;
         let scatter = steps.iter().map(|step| (step - mean).powi(2)).sum::<f64>() / (rounds - 1.0).max(1.0);
-        // A difference has the noise of two photos and the rounding of two counts.
+        // The difference has the noise of two photos and the rounding errors of two counts.
         [white - of(&photos.black), 0.5 * scatter.max(1.0 / 6.0) * (1.0 + 1.0 / rounds)]
     };
     (0..photos.black.counts.len()).map(sample).collect()
 }
 
-/// The share of the camera's range that white fills. `reached` is its 98th percentile above black, as a share of the range.
+/// Judges how much of the camera's range white fills. `reached` is white's 98th percentile above black, as a fraction of the range.
 fn range(reached: f64, exposure: &Exposure) -> Finding {
     let found =
         format!("white reaches {:.0} % of the range in {} s", 100.0 * reached, decimal(exposure.seconds, 4));
@@ -329,7 +329,7 @@ mod tests {
 
     #[test]
     fn a_frame_that_has_not_settled_fails_beyond_its_error() {
-        // Two rounds with 1 % and 2 % less light give 1.5 ± 0.5 %. The next rounds have no scatter.
+        // Two rounds with 1 % and 2 % less light give 1.5 ± 0.5 %. In the later cases, the rounds have no scatter.
         let found = settling(&[[99.0, 100.0], [98.0, 100.0]], 0.25);
         assert_eq!(found.grade, Grade::Ok, "three errors are as much as is missing");
         assert!(
@@ -376,7 +376,7 @@ mod tests {
         let frame = RawFrame { resolution, channels: 1, counts, exposure: 0.1, id: 0, started: 0.0 };
         assert_eq!(frame.mean(), 5.0);
         assert_eq!([0.0, 0.3, 0.5, 0.98].map(|at| frame.percentile(at)), [1.0, 3.0, 5.0, 9.0]);
-        // The deviations are −3, 0 and 3. The variance is 9, and the variance of the mean is a third of it.
+        // The deviations are −3, 0 and 3. The variance is 9, and the variance of the mean is 9/3.
         assert_eq!(average(&[1.0, 4.0, 7.0]), (4.0, 3.0_f64.sqrt()));
         assert_eq!(average(&[4.0]), (4.0, 0.0));
     }
@@ -404,7 +404,7 @@ mod tests {
         assert_eq!(graded(WhiteExposure::TooBright, 1.0), Grade::Fails);
     }
 
-    /// Photos of a hundred pixels have 5 counts without light, 30 for black, and 155 for white, where `saturated` pixels have 255.
+    /// Photos of a hundred pixels have 5 counts without light, 30 for black, and 155 for white. In white, `saturated` pixels have 255.
     #[test]
     fn range_saturation_and_ambient_light_are_those_of_the_counts() {
         for (saturated, in_range, grade) in
@@ -439,7 +439,7 @@ mod tests {
             );
             assert_eq!(saturation.grade, grade, "{saturation}");
             assert!(saturation.found.starts_with(&format!("{saturated}.00 %")), "{saturation}");
-            // 25 of 150 counts, or of more with saturated pixels.
+            // Black has 25 counts above dark, and white 150. Saturated pixels raise the mean of white.
             let black = 100.0 * 25.0 / (150.0 + f64::from(saturated));
             assert!(ambient.found.contains(&format!("black has {black:.1} %")), "{ambient}");
             assert_eq!(ambient.grade, Grade::Ok);

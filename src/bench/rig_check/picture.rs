@@ -1,5 +1,5 @@
-//! The check of the picture. It finds whether all of the frame is shown (overscan), whether it is sharp, and whether the back of a beam
-//! splitter reflects a second image of it (ghost).
+//! The check of the picture. It finds whether all of the frame is shown (overscan), whether the picture is sharp, and whether the back of a
+//! beam splitter reflects a second image of the frame (ghost).
 
 use rayon::prelude::*;
 
@@ -10,24 +10,24 @@ use crate::finding::Ratio;
 use crate::image::{Resolution, percentile};
 use crate::measure::sight;
 
-/// The check warns when the frame's border has less than this share of the expected light.
+/// The check warns when the frame's border has less than this fraction of the expected light.
 const BORDER: f64 = 0.5;
 
-/// The check warns when stripes are blurred by more projector pixels than this. Camera pixels as coarse as the projector's blur by up to
+/// The check warns when stripes are blurred by more projector pixels than this. Camera pixels as large as the projector's blur by up to
 /// 0.35.
 const BLUR: f64 = 0.6;
 
-/// The check warns when a second image has more than this share of the first one's light. A mirror ball and the noise of an 8-bit camera
+/// The check warns when a second image has more than this fraction of the first image's light. A mirror ball and noise of an 8-bit camera
 /// have caused 1.2 %.
 const GHOST: f64 = 0.02;
 
-/// The least number of pixels along an axis that the patterns of sharpness and ghost need.
+/// The least number of pixels along an axis that the checks of sharpness and ghost need.
 const LEAST_PIXELS: usize = 24;
 
 /// The periods of fine and coarse stripes, in projector pixels.
 const STRIPES: [usize; 2] = [4, 16];
 
-/// The share of the frame's shorter side that is examined at each border.
+/// The width of the examined border, as a fraction of the frame's shorter side.
 const BORDER_SHARE: f64 = 0.0125;
 
 /// Photographs the border, stripes and dots: five frames.
@@ -44,8 +44,8 @@ pub(crate) fn picture(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) ->
     recorder.add(finding)
 }
 
-/// Whether the outermost rows and columns of the frame are seen. In a coaxial rig, their light in the whole photo equals the light of white
-/// in the area where they should be seen.
+/// Checks whether the outermost rows and columns of the frame are seen. In a coaxial rig, the light of the border in the whole photo equals
+/// the light of white in the area where the border should be seen.
 fn border(probe: &mut Probe<'_>) -> Result<Finding> {
     let (projector, camera) = (probe.projector(), probe.camera());
     let wide = ((BORDER_SHARE * projector.width.min(projector.height) as f64).round() as usize).max(1);
@@ -53,7 +53,7 @@ fn border(probe: &mut Probe<'_>) -> Result<Finding> {
         .pattern(|x, y| x.min(projector.width - 1 - x) < wide || y.min(projector.height - 1 - y) < wide)?;
     let margin = [(camera.width, projector.width), (camera.height, projector.height)]
         .map(|(camera, projector)| wide as f64 * camera as f64 / projector as f64);
-    // The share of a camera pixel, along an axis, that lies within the border.
+    // The fraction of a camera pixel, along an axis, that lies within the border.
     let within = |at: usize, of: usize, margin: f64| (margin - at.min(of - 1 - at) as f64).clamp(0.0, 1.0);
     let expected: f64 = (0..camera.pixels())
         .map(|pixel| {
@@ -84,7 +84,7 @@ fn border(probe: &mut Probe<'_>) -> Result<Finding> {
     ))
 }
 
-/// The sharpness of fine stripes compared with coarse ones. The fine stripes are shown in two positions, a quarter of a period apart, so
+/// Compares the sharpness of fine stripes and coarse stripes. The fine stripes are shown in two positions, a quarter of a period apart, so
 /// that the positions of the camera's pixels do not matter.
 fn sharpness(probe: &mut Probe<'_>) -> Result<Finding> {
     let [fine, coarse] = STRIPES;
@@ -106,7 +106,7 @@ fn sharpness(probe: &mut Probe<'_>) -> Result<Finding> {
     let Some(contrast) = contrast else {
         return Ok(Finding::unmeasured("sharpness", "the photo shows no stripes"));
     };
-    // The first harmonic of sharp stripes, averaged over a camera pixel.
+    // The amplitude of the first harmonic of sharp stripes, averaged over a camera pixel.
     let pixel = std::f64::consts::PI / (fine as f64 * ratio);
     let sharp = 4.0 / std::f64::consts::PI * pixel.sin() / pixel;
     let frequency = std::f64::consts::TAU / fine as f64;
@@ -125,24 +125,25 @@ fn sharpness(probe: &mut Probe<'_>) -> Result<Finding> {
     ))
 }
 
-/// The distance of the dots and their side, in projector pixels. All dots have the same second image beside them, whereas light of the
-/// scene differs between dots.
+/// The distance between dots and the side of a dot, in projector pixels. A ghost repeats all dots with the same displacement, whereas light
+/// of the scene differs between dots.
 const DOTS: [usize; 2] = [16, 2];
 
 /// The range of distances of a second image, in projector pixels. A nearer second image cannot be distinguished from the first image, and a
 /// farther one not from the second image of the next dot.
 const RANGE: [f64; 2] = [3.5, 7.5];
 
-/// A second image is a ghost if it is this many times as strong as any other. Mirrors in the scene cause several second images.
+/// A second image is a ghost if it is this many times as strong as any other one. Mirrors in the scene cause several second images.
 const STANDS_OUT: f64 = 2.5;
 
-/// The largest share of a second image. A larger share belongs to another dot, which is nearer if the camera sees more than the frame.
+/// The largest relative strength of a second image. A stronger image is another dot, which is nearer than expected if the camera sees more
+/// than the frame.
 const LARGEST: f64 = 0.4;
 
-/// The largest number of photo pixels per projector pixel. A finer photo is made coarser first.
+/// The largest number of photo pixels per projector pixel. A finer photo is first downsampled.
 const FINEST: f64 = 3.0;
 
-/// Photographs dots, and correlates the photo with its displaced copies.
+/// Photographs dots, and correlates the photo with displaced copies of itself.
 pub(crate) fn ghost(probe: &mut Probe<'_>) -> Result<Finding> {
     let [distance, side] = DOTS;
     let light = probe.pattern(|x, y| [x, y].iter().all(|at| (at + distance / 2) % distance < side))?;
@@ -170,8 +171,8 @@ pub(crate) fn ghost(probe: &mut Probe<'_>) -> Result<Finding> {
     ))
 }
 
-/// The strongest second image of a photo of dots: its share, and its displacement in projector pixels. The sign of the displacement is
-/// unknown. `ratio` is the number of photo pixels per projector pixel.
+/// The strongest second image of a photo of dots: its strength relative to the first image, and its displacement in projector pixels. The
+/// sign of the displacement is unknown. `ratio` is the number of photo pixels per projector pixel.
 fn second(light: &[f64], size: Resolution, ratio: f64) -> Option<[f64; 3]> {
     let background = percentile(light.iter().copied(), 0.5);
     let light: Vec<f64> = light.iter().map(|value| value - background).collect();
@@ -191,7 +192,7 @@ fn second(light: &[f64], size: Resolution, ratio: f64) -> Option<[f64; 3]> {
         let distant = move |&[u, v]: &[i64; 2]| u.abs().max(v.abs()) as f64 >= near * ratio;
         points.filter(inside).filter(distant).map(|[u, v]| at([x + u, y + v])).collect::<Vec<f64>>()
     };
-    // A displacement and its opposite have the same value.
+    // A displacement and its opposite have the same correlation, so only half of all displacements are tried.
     let lags = (0..=reach).flat_map(|y| (-reach..=reach).map(move |x| [x, y]));
     let is_in_range = |&[x, y]: &[i64; 2]| {
         let distance = x.abs().max(y.abs()) as f64 / ratio;
@@ -208,7 +209,7 @@ fn second(light: &[f64], size: Resolution, ratio: f64) -> Option<[f64; 3]> {
     peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
     let &(share, [x, y]) = peaks.first()?;
     let next = peaks.iter().skip(1).find(|(_, [u, v])| {
-        // Equal neighbours belong to the same peak. On the axis, opposite displacements do too.
+        // Neighbouring displacements belong to the same peak. On the axis, opposite displacements do too.
         let near = |sign: i64| (u - sign * x).abs().max((v - sign * y).abs()) as f64 <= 1.5 * ratio;
         !near(1) && !near(-1)
     });
@@ -218,7 +219,7 @@ fn second(light: &[f64], size: Resolution, ratio: f64) -> Option<[f64; 3]> {
 
 /// The sum of the products of a picture's pixels with the pixels that are displaced by `[right, down]`.
 fn correlation(light: &[f64], size: Resolution, [right, down]: [i64; 2]) -> f64 {
-    // The first column or row of the part where both pictures overlap, in either picture.
+    // The first column or row of the overlap, in the picture and in its displaced copy.
     let starts = |by: i64| [by.min(0).unsigned_abs() as usize, by.max(0) as usize];
     let ([x0, x1], [y0, y1]) = (starts(right), starts(down));
     let [columns, rows] = [size.width.saturating_sub(x0 + x1), size.height.saturating_sub(y0 + y1)];
@@ -240,7 +241,7 @@ mod tests {
     use crate::measure::simulated::Simulated;
     use std::ops::ControlFlow;
 
-    /// For each of `coarse` pixels, the weights of the `fine` pixels that it covers, in a row that spans the same field.
+    /// For each of `coarse` pixels in a row, the weights of the `fine` pixels that it covers. The two kinds of pixels span the same field.
     fn shares(coarse: usize, fine: usize) -> Vec<Vec<(usize, f64)>> {
         let scale = fine as f64 / coarse as f64;
         let one = |at: usize| {
@@ -251,7 +252,7 @@ mod tests {
         (0..coarse).map(one).collect()
     }
 
-    /// A picture as a camera with the pixels of `to` sees it. Each pixel is the mean over its area.
+    /// Resamples a picture to the pixels of `to`. Each new pixel is the mean over its area.
     fn resampled(light: &[f64], from: Resolution, to: Resolution) -> Vec<f64> {
         let [across, down] = [shares(to.width, from.width), shares(to.height, from.height)];
         let value = |pixel: usize| {
@@ -264,8 +265,8 @@ mod tests {
         (0..to.pixels()).map(value).collect()
     }
 
-    /// The finding of `check` on a bench without a calibration. `optics` turns the projector's light into the light in the camera's pixels.
-    /// White has 50,000 counts above 100.
+    /// The finding of `check` on a bench without a calibration. `optics` converts the projector's light to the light in the camera's
+    /// pixels. White has 50,000 counts above 100.
     fn found<T>(
         [projector, camera]: [Resolution; 2],
         optics: impl Fn(&[f64]) -> Vec<f64> + Send,
@@ -290,20 +291,20 @@ mod tests {
     fn a_border_that_is_seen_has_all_of_its_light_whatever_the_pixels_are() {
         let projector = Resolution::new(48, 32);
         for camera in [projector, Resolution::new(72, 64), Resolution::new(40, 28)] {
-            // The scene is three times as bright on one side as on the other.
+            // The scene is three times as bright at one side as at the other.
             let scene = |light: &[f64]| {
                 let lit = light.iter().enumerate().map(|(pixel, l)| l * (0.25 + (pixel % 48) as f64 / 96.0));
                 resampled(&lit.collect::<Vec<f64>>(), projector, camera)
             };
             let finding = found([projector, camera], scene, border);
             assert!(finding.grade == Grade::Ok && finding.found.contains("row and column at"), "{finding}");
-            // The scene counts as even inside a camera pixel that the border covers in part; it changes there by less than 5 %.
+            // The border covers some camera pixels in part. The scene is assumed to be even within them, although it changes by up to 5 %.
             assert!((numbers(&finding)[0] - 100.0).abs() <= 1.0, "{finding}");
         }
     }
 
-    /// Overscan: the projector shows its frame larger than its field. With borders two pixels wide, the outer two columns or rows are lost.
-    /// The border has 240 · 160 − 236 · 156 = 1584 pixels.
+    /// With overscan, the projector shows its frame larger than its field. With borders two pixels wide, the outer two columns or rows are
+    /// lost. The border has 240 · 160 − 236 · 156 = 1584 pixels.
     #[test]
     fn a_border_that_is_cut_off_at_two_sides_has_the_light_of_the_other_two() {
         let size = Resolution::new(240, 160);
@@ -322,13 +323,13 @@ mod tests {
                 finding.grade == grade && finding.found.contains("outermost 2 rows and columns"),
                 "{finding}"
             );
-            // The share is a whole percentage. The first number is the width.
+            // The finding states an integer percentage. The first number is the width.
             assert!((numbers(&finding)[1] - share).abs() <= 0.5, "{finding}");
         }
     }
 
-    /// The border has 1584 of 38,400 pixels, or 4.1 %. If the border reflects the share `b` relative to the rest, it has
-    /// `b / (0.959 + 0.041 b)` of an even share of the light: 5.5 and 4.5 %.
+    /// The border has 1584 of 38,400 pixels, or 4.1 %. If the border's reflectance is `b` times that of the other pixels, the border has `b
+    /// / (0.959 + 0.041 b)` of the light that it would have in an even scene: 5.5 and 4.5 %.
     #[test]
     fn a_border_is_not_examined_where_the_scene_is_dark_there() {
         let size = Resolution::new(240, 160);
@@ -356,9 +357,9 @@ mod tests {
         (0..light.len() as i64).map(one).collect()
     }
 
-    /// Stripes blurred by `σ` keep the share `exp(−f² σ² / 2)` of their first harmonic, with f = π/2 for a period of four. The coarse
-    /// stripes have an edge every eight pixels, and lose `2 σ √(2/π)` of their light at each edge. The check finds the blur for which the
-    /// ratio of the fine stripes' harmonic to the coarse stripes' light is this share.
+    /// Stripes blurred by `σ` keep the fraction `exp(−f² σ² / 2)` of their first harmonic, with f = π/2 for a period of four. The coarse
+    /// stripes have an edge every eight pixels, and lose `2 σ √(2/π)` of their light at each edge. The check finds the blur from the ratio
+    /// of the fine stripes' harmonic to the coarse stripes' light.
     #[test]
     fn the_blur_of_stripes_is_found_in_pixels_of_both_devices() {
         let [projector, camera] = [Resolution::new(96, 24), Resolution::new(384, 24)];
@@ -370,7 +371,7 @@ mod tests {
             let said = numbers(&finding);
             assert_eq!(said.len(), 3, "{finding}");
             let (period, blur, of_camera) = (said[0], said[1], said[2]);
-            // The tolerance covers the higher harmonics, and the borders of the picture, which are blurred differently.
+            // The tolerance allows for the higher harmonics, and for the borders of the picture, which are blurred differently.
             assert!((blur - expected).abs() < 0.02, "{finding}; expected {expected}");
             assert!(
                 period == 2.0 && (of_camera - 4.0 * blur).abs() < 0.03 && finding.grade == grade,
@@ -418,7 +419,7 @@ mod tests {
         (light.collect(), size)
     }
 
-    /// Sums of products of whole numbers, for every displacement and some beyond the picture.
+    /// The correlation is compared with sums of products of integers, for every displacement and some that exceed the picture.
     #[test]
     fn a_correlation_is_the_sum_over_all_pairs_of_pixels_that_far_apart() {
         let size = Resolution::new(5, 4);

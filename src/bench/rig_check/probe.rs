@@ -1,4 +1,4 @@
-//! The check's photos of black and white, and photos of patterns as light above black.
+//! The photos of black and white of a rig check, and photos of patterns as light above black.
 
 use std::sync::Arc;
 
@@ -19,14 +19,14 @@ pub(crate) struct Probe<'a> {
     /// The light of each count, if the camera's response is not linear.
     curve: Option<Vec<f64>>,
     black: Vec<f64>,
-    /// The mean of each channel in a photo without light, and in a photo of black at the exposure.
+    /// The mean of each channel in a photo of black at the shortest exposure, and in a photo of black at the probe's exposure.
     pub(crate) unlit: [Vec<f64>; 2],
     /// Whether the first photo of a frame still contains light of the previous frame.
     is_hasty: bool,
 }
 
 impl<'a> Probe<'a> {
-    /// Continues from photos of black and white at this exposure. Where light has not `settled` in the first photo, the second one is used.
+    /// Starts from photos of black and white at this exposure. If light has not `settled` in the first photo, the second photo is used.
     pub(crate) fn new(
         frames: &'a mut dyn FrameSource,
         known: Option<&Calibration>,
@@ -67,17 +67,17 @@ impl<'a> Probe<'a> {
         self.session.projector().resolution
     }
 
-    /// The light above black of a frame that is white in each column and row for which `is_lit` is true, and black elsewhere.
+    /// Photographs a frame that is white at the pixels (column, row) for which `is_lit` is true. Returns the light above black.
     pub(crate) fn pattern(&mut self, is_lit: impl Fn(usize, usize) -> bool) -> Result<Vec<f64>> {
         self.above_black(self.session.drawn(is_lit)?)
     }
 
-    /// The light above black of a frame of one level, given as a share of the highest level.
+    /// Photographs a frame of one level, given as a fraction of the highest level. Returns the light above black.
     pub(crate) fn gray(&mut self, share: f64) -> Result<Vec<f64>> {
         self.above_black(self.session.filled(self.level(share)))
     }
 
-    /// The light above black of a frame with only one of the projector's three colours, at a share of its highest level.
+    /// Photographs a frame with one of the projector's three colours, at a fraction of its highest level. Returns the light above black.
     pub(crate) fn colour(&mut self, colour: usize, share: f64) -> Result<Vec<f64>> {
         self.above_black(self.session.filled_channel(colour, self.level(share))?)
     }
@@ -95,7 +95,7 @@ impl<'a> Probe<'a> {
         Ok(light.iter().zip(&self.black).map(|(light, black)| light - black).collect())
     }
 
-    /// The light of a photo, including black: the mean of each pixel's channels.
+    /// The light of a photo, including black: the mean over the channels of each pixel.
     pub(crate) fn light(&self, photo: &RawFrame) -> Vec<f64> {
         let linear = |&count: &u16| match &self.curve {
             Some(curve) => curve[usize::from(count).min(curve.len() - 1)],
@@ -120,7 +120,8 @@ pub(crate) fn average(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// The means over squares of `side` pixels, and the picture's resolution. Remaining pixels at the right and at the bottom are dropped.
+/// The means over squares of `side` pixels, and the resolution of the result. Incomplete squares at the right and at the bottom are
+/// dropped.
 pub(crate) fn binned(light: &[f64], size: Resolution, side: usize) -> (Vec<f64>, Resolution) {
     let small = Resolution::new(size.width / side, size.height / side);
     let value = |pixel: usize| {
@@ -136,9 +137,9 @@ const ROUNDS: u32 = 4;
 
 pub(crate) struct Photos {
     pub(crate) black: RawFrame,
-    /// For each round, black photographed right after white.
+    /// For each round, a photo of black right after white.
     pub(crate) blacks: Vec<RawFrame>,
-    /// For each round, the first photo of white after black, and the next one.
+    /// For each round, the first photo of white after black, and the next photo of white.
     pub(crate) whites: Vec<[RawFrame; 2]>,
     /// The count without light, which is the median of black at the shortest exposure.
     pub(crate) dark_count: f64,
@@ -159,7 +160,7 @@ pub(crate) fn take(frames: &mut dyn FrameSource, exposure: f64) -> Result<Photos
         blacks.push(session.capture(&black, exposure)?);
         whites.push([session.capture(&white, exposure)?, session.capture(&white, exposure)?]);
     }
-    // If the wait is too short, the first photo of black contains some of white's light, which is not ambient light.
+    // If the wait is too short, the first photo of black still contains some of white's light. It must not count as ambient light.
     session.capture(&black, exposure)?;
     let black = session.capture(&black, exposure)?;
     let after = session.effort();
@@ -185,7 +186,7 @@ mod tests {
     #[test]
     fn squares_are_averaged_and_what_is_left_over_is_dropped() {
         let light: Vec<f64> = (0..35).map(f64::from).collect();
-        // Squares of two leave over the last column and row of seven by five pixels.
+        // Squares of two pixels do not cover the last column and row of seven by five pixels.
         let (small, size) = binned(&light, Resolution::new(7, 5), 2);
         assert_eq!(size, Resolution::new(3, 2));
         assert_eq!(small, [4.0, 6.0, 8.0, 18.0, 20.0, 22.0]);

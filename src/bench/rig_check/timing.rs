@@ -1,29 +1,30 @@
-//! The check of light within the time of a frame: pulses of the projector (PWM, colour wheel), and the camera's rolling shutter.
+//! The check of changes of light during one frame: pulses of the projector (PWM, colour wheel), and the camera's rolling shutter.
 
 use super::probe::{Probe, average};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
 use crate::finding::{Ratio, SIGMAS, decimal};
 
-/// The bound on pulses of light: white's light per second may differ by this share between exposures of parts of a refresh.
+/// The bound on pulses of light. White's light per second may differ by this fraction between exposures that are not whole refreshes.
 const PULSES: f64 = 0.02;
 
-/// The same as [`PULSES`] where the camera's response is not known. A response of `x^0.95` causes a difference of 5 %.
+/// The bound on pulses where the camera's response is not known. A response of `x^0.95` causes a difference of 5 %.
 const PULSES_UNCALIBRATED: f64 = 0.08;
 
-/// The check warns when the last rows of a photo see more of a newly shown frame than the first rows, by more than this share.
+/// The bound on a rolling shutter. The check warns when the last rows of a photo see more of a newly shown frame than the first rows, by
+/// more than this fraction.
 const ROLLING: f64 = 0.02;
 
-/// Exposures in refreshes of the projector. They are not whole multiples of a refresh or of its usual parts.
+/// Exposures in refreshes of the projector. None is a whole multiple of a refresh or of one of its usual parts.
 const EXPOSURES: [f64; 3] = [0.63, 1.37, 1.63];
 
-/// The assumed time of a refresh in seconds, if the projector's refresh time is not known.
+/// The assumed refresh time in seconds, if the projector's refresh time is not known.
 const REFRESH: f64 = 1.0 / 60.0;
 
-/// Rows with less than this share of the mean light are too dark to be compared.
+/// Rows with less than this fraction of the mean light are too dark to be compared.
 const LEAST_LIGHT: f64 = 0.02;
 
-/// The largest change of a photo's mean by rounding, in counts.
+/// The largest change of a photo's mean due to rounding, in counts.
 const ROUNDING: f64 = 0.3;
 
 /// Takes six photos of white at short exposures.
@@ -44,7 +45,7 @@ pub(crate) fn pulses(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) -> 
     let [dark, black] = probe.unlit.clone();
     let mut rates: Vec<Vec<f64>> = Vec::new();
     let mut error = 0.0_f64;
-    // The first photo of a frame may contain light of the previous frame.
+    // The first photo of white may contain light of the previous frame.
     probe.session.capture(&white, probe.exposure)?;
     for exposure in EXPOSURES.iter().chain(&EXPOSURES).map(|share| share * base) {
         let photo = probe.session.capture(&white, exposure)?;
@@ -60,7 +61,7 @@ pub(crate) fn pulses(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) -> 
         let rates: Vec<f64> = rates.iter().map(|rates| rates[channel]).collect();
         let (least, most) =
             rates.iter().fold((f64::MAX, f64::MIN), |(low, high), &rate| (low.min(rate), high.max(rate)));
-        // In a channel that sees none of the projector's light, only the rounding of its counts changes.
+        // A channel may see none of the projector's light. Its counts then change only by rounding.
         Ratio::of(most - least, average(&rates), ROUNDING / (EXPOSURES[0] * base)).value()
     });
     recorder.add(match spread.reduce(f64::max) {
@@ -150,8 +151,8 @@ mod tests {
     use crate::measure::CaptureRequest;
     use crate::measure::simulated::Simulated;
 
-    /// The finding of `check` on a bench of four by eight pixels. Photos of one second have 100 counts without light, 300 more for black,
-    /// and 40,000 more for white, times `share` of the row, the exposure and the wait.
+    /// The finding of `check` on a bench of four by eight pixels. Photos with an exposure of one second have 100 counts without light and
+    /// 300 more for black. White adds 40,000 counts, times `share` of the row, the exposure and the wait.
     fn found(
         share: impl Fn(usize, f64, f64) -> f64 + Send,
         check: impl FnOnce(&mut Probe<'_>, &mut Recorder<'_, '_>) -> Result<()>,
@@ -188,7 +189,7 @@ mod tests {
             finding.found.contains(text) && finding.found.contains("at least 0.6000 s after"),
             "{finding}"
         );
-        // A difference of 2 % is allowed. Less light in the last rows is not a rolling shutter.
+        // A difference of 2 % passes. Less light in the last rows is not a rolling shutter.
         for (slope, text) in [(0.0, "within 0.0 %"), (0.003, "within 1.8 %"), (-0.01, "within 6.0 %")] {
             let finding = rolling(slope);
             assert!(finding.grade == Grade::Ok && finding.found.contains(text), "{finding}");
@@ -207,7 +208,7 @@ mod tests {
         };
         let finding = pulsed(0.15);
         assert_eq!(finding.grade, Grade::Warning);
-        // The difference of 0.15 relative to the mean of 1.05.
+        // The rates differ by 0.15, and their mean is 1.05.
         assert!(
             finding.found.contains("differs by 14.3 % between exposures of 0.0105 to 0.0272 s"),
             "{finding}"
@@ -229,8 +230,8 @@ mod tests {
                 },
             )
         };
-        // The exposures are limited to the exposure of white. The shortest is 0.63 / 1.63 of it, which is less than the camera's shortest
-        // exposure of one millisecond if white is exposed for less than 2.59 ms.
+        // The exposures are limited to the exposure of white, so the shortest is 0.63 / 1.63 of white's exposure. If white is exposed for
+        // less than 2.59 ms, this is shorter than the camera's shortest exposure of one millisecond.
         assert!(limited(2.5e-3).found.contains("not examined: the camera cannot expose for 0.00097 s"));
         assert!(!limited(2.7e-3).found.contains("not examined"));
     }

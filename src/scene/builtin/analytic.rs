@@ -1,4 +1,4 @@
-//! Scenes for tests and benchmarks: scenes with light transport in closed form, a leaning sheet, and a box of many triangles.
+//! Scenes for tests and benchmarks: scenes with a closed-form light transport, a leaning sheet, and a box of many triangles.
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -9,8 +9,8 @@ use super::model::{Model, Part, matte, white_paper};
 use super::{TAN_20_DEGREES, TAN_25_DEGREES};
 use crate::scene::Scene;
 
-/// A fronto-parallel matte plane with albedo `albedo` at `distance` metres. It is much larger than the view; half the field of view has
-/// tangent 0.5. Under an all-ones pattern each pixel of the photo is `albedo/(π·distance²)`.
+/// A fronto-parallel matte plane with albedo `albedo` at `distance` metres, much larger than the view. The tangent of half the field of
+/// view is 0.5. Under an all-ones pattern, each pixel of the photo has the value `albedo/(π·distance²)`.
 pub fn plane(distance: f32, albedo: f32) -> Scene {
     let mut part = Part::new("plane", None);
     let side = 10.0 * distance;
@@ -21,8 +21,7 @@ pub fn plane(distance: f32, albedo: f32) -> Scene {
 }
 
 /// Two square matte plates that face each other, left and right of the optical axis. Their sides are `side` metres long, and they are
-/// `separation` metres apart. The camera sees the inner faces of both. Along the axis, their near edges are `separation` metres in front of
-/// it.
+/// `separation` metres apart. The camera sees the inner faces of both. The near edges are `separation` metres in front of the camera.
 ///
 /// With `x = side/separation`, the form factor from one plate to the other is
 /// `2/(π x²)·(ln√((1+x²)²/(1+2x²)) + 2x√(1+x²)·atan(x/√(1+x²)) − 2x·atan x)`.
@@ -38,8 +37,8 @@ pub fn parallel_plates(side: f32, separation: f32, albedo: f32) -> Scene {
     matte_scene("parallel-plates", vec![left, right], albedo, tan_half_fov)
 }
 
-/// A matte sphere of `radius` metres around the camera. Its fronts face inwards. It is an icosahedron with each triangle split into four
-/// `subdivisions` times (at most 8 times), which gives `20·4^subdivisions` triangles. The camera's field of view is 90°.
+/// A matte sphere of `radius` metres around the camera, whose front faces inwards. The sphere is an icosahedron. Each of its triangles is
+/// split into four, `subdivisions` times (at most 8 times), which gives `20·4^subdivisions` triangles. The camera's field of view is 90°.
 ///
 /// In the limit of a true sphere, the form factor between any two points is the same, so the light of two or more bounces is uniform.
 pub fn inside_sphere(radius: f32, subdivisions: u32, albedo: f32) -> Scene {
@@ -50,7 +49,7 @@ pub fn inside_sphere(radius: f32, subdivisions: u32, albedo: f32) -> Scene {
     matte_scene("inside-sphere", vec![part], albedo, 1.0)
 }
 
-/// A scene of one matte material with the camera at the origin.
+/// A scene with a single matte material and the camera at the origin.
 fn matte_scene(name: &'static str, parts: Vec<Part>, albedo: f32, tan_half_fov: f32) -> Scene {
     let materials = vec![matte("matte", Vec3::splat(albedo))];
     Model::along_z(name, parts, materials, (0.0, tan_half_fov)).to_scene()
@@ -61,12 +60,13 @@ const BUMP: f64 = 0.01;
 /// Number of bumps along a wall.
 const BUMPS: f64 = 6.0;
 
-/// A white box of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Its five walls are slightly bumpy, and
-/// each is tessellated by the same grid of `n × n` cells. The box has `10·n²` triangles, where `n` is `√(target_triangles / 10)` rounded,
-/// but at least 1. Each wall is a region.
+/// A white box of 1 m that is open towards the camera, 1.3 m in front of the opening. Its five walls are slightly bumpy, and each has a
+/// grid of `n × n` cells. The box has `10·n²` triangles, where `n` is `√(target_triangles / 10)` rounded, but at least 1. Each wall is a
+/// region.
 pub fn tessellated_box(target_triangles: usize) -> Scene {
     let cells = ((target_triangles as f64 / 10.0).sqrt().round() as usize).max(1);
-    // Each wall has an origin and the directions of its columns and rows. The cross product of the directions points inwards.
+    // Each wall has an origin, the direction of its columns, and the direction of its rows. The cross product of these directions points
+    // inwards.
     let walls = [
         ("floor", dvec3(-0.5, -0.5, 0.0), DVec3::X, DVec3::NEG_Z),
         ("ceiling", dvec3(-0.5, 0.5, -1.0), DVec3::X, DVec3::Z),
@@ -79,7 +79,7 @@ pub fn tessellated_box(target_triangles: usize) -> Scene {
         let inwards = along.cross(up);
         part.grid(cells, cells, |column, row| -> Vec3 {
             let [s, t] = [column, row].map(|index| index as f64 / cells as f64);
-            // There are no bumps on the edges, so that the walls meet.
+            // The edges have no bumps, so that the walls meet.
             let edge = column == 0 || column == cells || row == 0 || row == cells;
             let bump =
                 if edge { 0.0 } else { BUMP * ((BUMPS * PI * s).sin() * (BUMPS * PI * t).sin()).powi(2) };
@@ -94,16 +94,16 @@ pub fn tessellated_box(target_triangles: usize) -> Scene {
 const HALF_HEIGHT: f64 = 0.35;
 /// The folds' positions across the sheet and their depths behind its ridges, in metres, as in `zigzag`.
 const FOLDS: [[f64; 2]; 5] = [[-0.4, 0.0], [-0.2, -0.3], [0.0, 0.0], [0.2, -0.3], [0.4, 0.0]];
-/// Distance of the middle of the sheet's middle ridge from the camera, in metres.
+/// Distance between the camera and the centre of the sheet's middle ridge, in metres.
 const DISTANCE: f64 = 0.85;
 /// The angle in degrees by which the sheet leans back from its lower edge upwards.
 const LEAN: f64 = 35.0;
 /// The angle in degrees by which the sheet is turned about the vertical, so that the faces beside its middle ridge are not equally bright.
 const TURN: f64 = 20.0;
 
-/// One white sheet, folded like the two sheets of `zigzag` (`\/\/` seen from above), that leans back and is turned to its left. Direct
-/// light is brightest in one spot, at the lower end of the middle ridge, 0.65 m from the camera. On an upright sheet, a whole ridge would
-/// be equally bright. The sheet is region 0.
+/// A white sheet, folded like the two sheets of `zigzag` (`\/\/` seen from above), that leans back and is turned to its left. Direct light
+/// is brightest at a single spot: the lower end of the middle ridge, 0.65 m from the camera. On an upright sheet, a whole ridge would be
+/// equally bright. The sheet is region 0.
 pub fn folded_sheet() -> Model {
     let turn = DQuat::from_rotation_y(TURN.to_radians());
     let lean = DQuat::from_rotation_x(-LEAN.to_radians());
@@ -118,9 +118,9 @@ pub fn folded_sheet() -> Model {
     Model::along_z("folded-sheet", vec![sheet], white_paper(), (0.0, TAN_25_DEGREES))
 }
 
-/// An icosahedron with each triangle split into four `subdivisions` times, at most 8 times. Returns the vertices, on the unit sphere, and
-/// the triangles, counter-clockwise as seen from inside. The result is the same on every machine, because square roots are the only
-/// functions used.
+/// An icosahedron whose triangles are each split into four, `subdivisions` times (at most 8 times). Returns the vertices, on the unit
+/// sphere, and the triangles, counter-clockwise as seen from inside. The result is the same on every machine: no function but the square
+/// root is used.
 pub(super) fn icosphere(subdivisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let (mut vertices, mut triangles) = icosahedron();
     for _ in 0..subdivisions.min(8) {
@@ -154,7 +154,7 @@ fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (vertices.into_iter().map(DVec3::normalize).collect(), triangles)
 }
 
-/// Splits each triangle into four at the midpoints of its edges, which are projected to the sphere.
+/// Splits each triangle into four at the midpoints of its edges. The midpoints are projected to the sphere.
 fn split(vertices: &mut Vec<DVec3>, triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
     let mut middle = |a: u32, b: u32| {

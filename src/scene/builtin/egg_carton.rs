@@ -13,42 +13,39 @@ const CUP_DEPTH: f64 = 0.09;
 /// Length of all rows together, in metres.
 const LENGTH: f64 = 0.60;
 
-/// The share of a cup's half-width over which its floor is flat.
+/// The fraction of a cup's half-width over which its floor is flat.
 const FLOOR: f64 = 0.4;
 
 /// Number of grid cells along each side of a cup.
 const CUP_GRID: usize = 12;
 
-/// Half-axes in metres of an egg that lies along the cup's width and stays below the rims.
+/// Half-axes in metres of a lying egg. It lies along the cup's width and stays below the rims.
 const LYING: DVec3 = dvec3(0.050, 0.036, 0.036);
 /// Half-axes in metres of a standing egg, which fills most of its cup and rises 0.07 m above the rims.
 const STANDING: DVec3 = dvec3(0.070, 0.080, 0.070);
 const EGG_SEGMENTS: usize = 16;
 const EGG_RINGS: usize = 12;
 
-/// An egg carton of 3 × 4 cups, 0.6 m × 0.6 m, with its rims at height 0. The camera looks down on it from a
-/// height of 1 m, and the carton fills the view. A cup is 0.20 m × 0.15 m wide and 0.09 m deep. All rims are
-/// equally high and no cup rises above them, so light bounces within a cup but never from one cup to another.
-/// Each cup is a region, numbered in rows of three from the top left of the photo.
+/// An egg carton of 3 × 4 cups, 0.6 m × 0.6 m, with its rims at height 0. The camera looks down from a height of 1 m, and the carton fills
+/// the view. A cup is 0.20 m × 0.15 m wide and 0.09 m deep. All rims are equally high and no cup rises above them, so light is reflected
+/// within a cup but never reaches another cup. Each cup is a region, numbered in rows of three from the top left of the photo.
 pub fn carton() -> Model {
     model("carton", 4, LYING, |_| false)
 }
 
-/// The same carton with an egg in every second cup, in a chessboard pattern. An egg belongs to its cup's
-/// region and stays below the rims.
+/// The [`carton`] with an egg in every second cup, in a chessboard pattern. Each egg belongs to its cup's region and stays below the rims.
 pub fn carton_eggs() -> Model {
     model("carton-eggs", 4, LYING, |cup| (cup % COLUMNS + cup / COLUMNS).is_multiple_of(2))
 }
 
-/// A carton as in figure 8 of the paper: 3 × 3 cups of 0.20 m × 0.20 m, seen from the camera of [`carton`].
-/// With `eggs`, an egg stands in every cup. It hides most of the cup from the camera and rises above the
-/// rims, so light passes from egg to egg.
+/// A carton as in figure 8 of the paper: 3 × 3 cups of 0.20 m × 0.20 m, seen from the camera of [`carton`]. With `eggs`, an egg stands in
+/// every cup. The egg hides most of the cup from the camera and rises above the rims, so light passes from egg to egg.
 pub fn nine_cells(eggs: bool) -> Model {
     let name = if eggs { "nine-cells-eggs" } else { "nine-cells" };
     model(name, 3, STANDING, |_| eggs)
 }
 
-/// A carton of `rows` rows of cups, with eggs of half-axes `egg` in the cups for which `has_egg` holds.
+/// A carton with `rows` rows of cups. Cups for which `has_egg` is true contain an egg with the half-axes `egg`.
 fn model(name: &'static str, rows: usize, egg: DVec3, has_egg: impl Fn(usize) -> bool) -> Model {
     let mut parts = Vec::new();
     for index in 0..rows * COLUMNS {
@@ -64,7 +61,7 @@ fn model(name: &'static str, rows: usize, egg: DVec3, has_egg: impl Fn(usize) ->
 
 struct Cup {
     index: usize,
-    /// The centre of the cup at the height of its rim, in metres.
+    /// The centre of the cup's opening, at the height of the rims, in metres.
     center: DVec3,
     /// Length from rim to rim across the rows, in metres.
     length: f64,
@@ -83,7 +80,7 @@ impl Cup {
         let mut part = Part::new(format!("cup {}", self.index), Some(self.index as u32));
         part.grid(CUP_GRID, CUP_GRID, |column, row| {
             let across = 2.0 * column as f64 / CUP_GRID as f64 - 1.0;
-            // Rows of the grid run from the lower edge of the photo upwards, so the front is above.
+            // Rows of the grid run upwards from the lower edge of the photo, so the front faces up.
             let along = 1.0 - 2.0 * row as f64 / CUP_GRID as f64;
             let local = dvec3(across * CUP_WIDTH / 2.0, -depth(across, along), along * self.length / 2.0);
             (self.center + local).as_vec3()
@@ -125,8 +122,8 @@ impl Cup {
     }
 }
 
-/// The depth of a cup in metres at `across` and `along`, both in [−1, 1]. It is smooth, constant on the floor
-/// and exactly 0 on the rim. Its contours are rounded rectangles.
+/// The depth of a cup in metres at `across` and `along`, both in [−1, 1]. The depth is smooth, constant on the floor and exactly 0 on the
+/// rim. Its contours are rounded rectangles.
 fn depth(across: f64, along: f64) -> f64 {
     let radius = (across.powi(4) + along.powi(4)).sqrt().sqrt();
     let rise = ((radius - FLOOR) / (1.0 - FLOOR)).clamp(0.0, 1.0);
@@ -137,7 +134,7 @@ fn depth(across: f64, along: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The least height of an egg's surface above the cup, and its greatest height above the rims.
+    /// The smallest height of an egg's surface above the cup's surface, and the egg's largest height above the rims.
     fn clearance(rows: usize, half_axes: DVec3) -> (f64, f64) {
         let cup = Cup::new(0, rows);
         let heights = cup.egg(half_axes).positions.into_iter().map(|position| {
@@ -153,7 +150,7 @@ mod tests {
     #[test]
     fn lying_eggs_touch_neither_the_walls_nor_the_plane_of_the_rims() {
         let (above, height) = clearance(4, LYING);
-        // The point where the egg touches the floor is rounded to single precision.
+        // The tolerance allows for the rounding of the point where the egg touches the floor.
         assert!(above > -1e-6, "{above} m below the wall");
         assert!(height < -0.01, "{height} m is close to the rim");
     }

@@ -8,11 +8,11 @@
 //! | `mirror-ball` | a mirror ball on the floor of a white room |
 //! | `cornell` | a coloured box with two blocks |
 //! | `two-sheets` | two curved sheets of paper that exchange no light |
-//! | `two-sheets-post` | the same behind a post, which divides one of them into two patches in the picture |
+//! | `two-sheets-post` | `two-sheets` with a post in front, which divides one sheet into two patches in the picture |
 //! | `carton` | an egg carton of twelve cups that exchange no light |
-//! | `carton-eggs` | the same with an egg in every second cup |
+//! | `carton-eggs` | `carton` with an egg in every second cup |
 //! | `nine-cells` | an egg carton of nine cups, as in figure 8 of the paper |
-//! | `nine-cells-eggs` | the same with an egg in every cup; light passes from egg to egg |
+//! | `nine-cells-eggs` | `nine-cells` with an egg in every cup; light passes from egg to egg |
 //!
 //! `cargo run --example regenerate_assets` writes the files of the shipped scenes.
 
@@ -29,7 +29,7 @@ pub use analytic::{folded_sheet, inside_sphere, parallel_plates, plane, tessella
 pub use egg_carton::{carton, carton_eggs, nine_cells};
 pub use model::{Model, Part};
 
-/// All shipped scenes. Each is in the file `assets/scenes/NAME/scene.glb`, where `NAME` is [`Model::name`].
+/// All shipped scenes. Each scene is in the file `assets/scenes/NAME/scene.glb`, where `NAME` is [`Model::name`].
 pub fn shipped() -> Vec<Model> {
     vec![
         zigzag(),
@@ -49,11 +49,11 @@ pub fn shipped() -> Vec<Model> {
 const TAN_20_DEGREES: f32 = 0.363_970_22;
 const TAN_25_DEGREES: f32 = 0.466_307_67;
 
-/// Two white sheets side by side, each folded along the vertical into a valley: `\/\/` seen from above. Their
-/// rims are 0.8 m from the camera and their valleys 1.1 m. Each sheet is 0.4 m wide and 1.4 m high, and
-/// together they fill the view. A straight line from one sheet to the other would have to pass in front of
-/// the ridge between them, but no point of a sheet is in front of the ridge. The sheets therefore exchange no
-/// light. The left sheet is region 0, the right one region 1. They are mirror images of each other.
+/// Two white sheets side by side, each folded along the vertical into a valley: `\/\/` seen from above. The rims of the sheets are 0.8 m
+/// from the camera, and their valleys 1.1 m. Each sheet is 0.4 m wide and 1.4 m high, and together they fill the view. A straight line from
+/// one sheet to the other would have to pass in front of the ridge between them, but no point of a sheet is in front of the ridge. The
+/// sheets therefore exchange no light. The left sheet is region 0, and the right sheet is region 1. The sheets are mirror images of each
+/// other.
 pub fn zigzag() -> Model {
     let fold = |name: &str, label: u32, [left, valley, right]: [f32; 3]| {
         let mut part = Part::new(name, Some(label));
@@ -66,16 +66,15 @@ pub fn zigzag() -> Model {
     Model::along_z("zigzag", sheets.into(), white_paper(), (0.0, TAN_25_DEGREES))
 }
 
-/// Two white planes that meet at a right angle along a vertical edge, 1.2 m in front of the camera. Each
-/// extends 0.6 m towards the camera and 0.6 m to its side. They fill the view. The left plane is region 0,
-/// the right one region 1.
+/// Two white planes that meet at a right angle along a vertical edge, 1.2 m in front of the camera. Each plane extends 0.6 m towards the
+/// camera and 0.6 m to its side. The planes fill the view. The left plane is region 0, and the right plane is region 1.
 pub fn corner() -> Model {
     Model::along_z("corner", planes(["left", "right"]), white_paper(), (0.0, TAN_20_DEGREES))
 }
 
-/// The [`corner`] with a perfect mirror as its right half. Light returns from the wall along four kinds of
-/// path: directly, or by the mirror before the wall, after the wall, or both. The wall (left) is region 0,
-/// the mirror (right) region 1.
+/// The [`corner`] with a perfect mirror as its right half. Light returns from the wall along four kinds of path: directly, by the mirror
+/// before the wall, by the mirror after the wall, or by the mirror before and after the wall. The wall (left) is region 0, and the mirror
+/// (right) is region 1.
 pub fn mirror() -> Model {
     let mut parts = planes(["wall", "mirror"]);
     parts[1].material = 1;
@@ -107,16 +106,15 @@ const WALLS: [[Vec3; 4]; 5] = {
     ]
 };
 
-/// A white room of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. A perfect
-/// mirror ball lies on its floor. The ball reflects the projected pattern onto the walls without blurring it,
-/// and the room is seen sharply in the ball. Separation by high-frequency patterns therefore counts some
-/// indirect light as direct light, and some direct light as indirect. A path to a point of the room and back
-/// along the same mirrors scatters only once and is direct light. The room is region 0 and the ball region 1.
-/// These are named regions, not labels, since they exchange light.
+/// A white room of 1 m that is open towards the camera, 1.3 m in front of the opening. A perfect mirror ball lies on the floor. The ball
+/// reflects the projected pattern sharply onto the walls, and reflects the room sharply to the camera. Separation by high-frequency
+/// patterns therefore counts some indirect light as direct light, and some direct light as indirect light. If a path reaches a point of the
+/// room by mirrors and returns by the same mirrors, it scatters only once and is direct light. The room is region 0, and the ball is region
+/// 1. These are named regions instead of labels, because they exchange light.
 pub fn mirror_ball() -> Model {
     const CENTER: DVec3 = dvec3(0.04, -0.22, -0.42);
     const RADIUS: f64 = 0.28;
-    // Each of the 5120 facets is about 4° wide: about one facet per pixel where the ball is 60 pixels wide.
+    // Each of the 5120 facets is about 4° wide. This is about one facet per pixel if the ball is 60 pixels wide.
     const SUBDIVISIONS: u32 = 4;
     let mut room = Part::new("room", None);
     WALLS.into_iter().for_each(|wall| room.quad(wall));
@@ -129,9 +127,9 @@ pub fn mirror_ball() -> Model {
     Model::along_z("mirror-ball", vec![room, ball], materials, (1.3, TAN_20_DEGREES))
 }
 
-/// A box of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Floor, ceiling
-/// and back wall are white, the left wall is red, the right one green. A short and a tall white block stand
-/// in the box. The five parts are named regions, not labels, since all of them exchange light.
+/// A box of 1 m that is open towards the camera, 1.3 m in front of the opening. Floor, ceiling and back wall are white, the left wall is
+/// red, and the right wall is green. A short and a tall white block stand in the box. The five parts are named regions instead of labels,
+/// because all of them exchange light.
 pub fn cornell() -> Model {
     let [mut white, mut red, mut green] = ["white", "red", "green"].map(|name| Part::new(name, None));
     WALLS[..3].iter().for_each(|&wall| white.quad(wall));
@@ -181,12 +179,11 @@ const RIM: f64 = 0.85;
 /// Number of flat strips that approximate each sheet.
 const STRIPS: usize = 24;
 
-/// Two white sheets of paper side by side. Each is bent about a vertical axis into a trough that opens
-/// towards the camera: a part of a cylinder, of 120° on the left and 100° on the right. They are 0.43 m and
-/// 0.41 m wide from rim to rim and 0.9 m high, with a gap of 2 mm between them. Both rims of both sheets are
-/// 0.85 m from the camera, and everything else lies behind them. The rims block every line from one sheet to
-/// the other, so the sheets exchange no light. The left sheet is region 0, the right one region 1. Unlike the
-/// sheets of `zigzag`, they are not mirror images of each other.
+/// Two white sheets of paper side by side. Each sheet is bent about a vertical axis into a trough that opens towards the camera: a part of
+/// a cylinder, of 120° on the left and 100° on the right. The sheets are 0.43 m and 0.41 m wide from rim to rim and 0.9 m high, with a gap
+/// of 2 mm between them. All rims are 0.85 m from the camera, and all other points are farther away. The rims block every line from one
+/// sheet to the other, so the sheets exchange no light. The left sheet is region 0, and the right sheet is region 1. Unlike the sheets of
+/// `zigzag`, they are not mirror images of each other.
 pub fn two_sheets() -> Model {
     let sheets = vec![
         trough("left sheet", 0, [-0.441, -0.011], 60.0),
@@ -195,9 +192,9 @@ pub fn two_sheets() -> Model {
     Model::along_z("two-sheets", sheets, white_paper(), (0.0, 0.45))
 }
 
-/// The same sheets with a black post in front of the left one, 3 cm wide and 3 cm behind the plane of the
-/// rims. In the picture the post divides the left sheet into two patches that do not touch, but light passes
-/// from one to the other behind the post. The post is region 2; it reflects no light.
+/// The [`two_sheets`] with a black post in front of the left sheet. The post is 3 cm wide and 3 cm behind the plane of the rims. In the
+/// picture, the post divides the left sheet into two patches that do not touch, but the patches exchange light behind the post. The post is
+/// region 2, and reflects no light.
 pub fn two_sheets_post() -> Model {
     let mut model = Model { name: "two-sheets-post", ..two_sheets() };
     let mut post = Part::new("post", Some(2));
@@ -208,13 +205,13 @@ pub fn two_sheets_post() -> Model {
     model
 }
 
-/// A sheet bent to a circular arc from `left` to `right` (metres along x). The arc spans `2·angle` degrees.
+/// A sheet that is bent to a circular arc from `left` to `right` (in metres along x). The arc spans `2·angle` degrees.
 fn trough(name: &str, label: u32, [left, right]: [f64; 2], angle: f64) -> Part {
     let angle = angle.to_radians();
     let radius = (right - left) / (2.0 * angle.sin());
     let axis = dvec2((left + right) / 2.0, -RIM + radius * angle.cos());
     let profile = |strip: usize| -> DVec2 {
-        // The ends are given exactly: rounding must not move one rim in front of the other.
+        // The ends are set exactly, because rounding could move one rim in front of the other.
         match strip {
             0 => dvec2(left, -RIM),
             STRIPS => dvec2(right, -RIM),

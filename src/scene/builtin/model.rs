@@ -1,4 +1,4 @@
-//! Models: indexed meshes with materials and a camera. The built-in scenes are made from them.
+//! Models: indexed meshes with materials and a camera. The built-in scenes are models.
 
 use glam::Vec3;
 use serde_json::{Value, json};
@@ -23,7 +23,7 @@ pub struct Model {
 pub struct Part {
     /// The part's name. It is also the name of its region, unless the parts have labels.
     pub name: String,
-    /// The label of its region. Labels are numbered from 0 without gaps. Either all parts of a model have a label or none has.
+    /// The label of the part's region. Labels are numbered from 0 without gaps. Either all parts of a model have a label, or none has.
     pub label: Option<u32>,
     /// Vertices in metres.
     pub positions: Vec<Vec3>,
@@ -34,20 +34,20 @@ pub struct Part {
 }
 
 impl Part {
-    /// A part of material 0 without vertices.
+    /// Makes a part with material 0 and without vertices.
     pub fn new(name: impl Into<String>, label: Option<u32>) -> Self {
         Self { name: name.into(), label, positions: Vec::new(), triangles: Vec::new(), material: 0 }
     }
 
-    /// Adds a quadrilateral. Its front is the side from which the corners run counter-clockwise.
+    /// Adds a quadrilateral. Its front is the side from which the corners appear counter-clockwise.
     pub fn quad(&mut self, corners: [Vec3; 4]) {
         let first = self.positions.len() as u32;
         self.positions.extend(corners);
         self.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
     }
 
-    /// Adds a grid of `columns` × `rows` cells of two triangles, which share their vertices. `at(i, j)` is the vertex in column
-    /// `i ≤ columns` and row `j ≤ rows`. The front is the side from which columns run to the right and rows upwards.
+    /// Adds a grid of `columns` × `rows` cells. Each cell has two triangles, and neighbouring cells share vertices. `at(i, j)` is the
+    /// vertex in column `i ≤ columns` and row `j ≤ rows`. On the front, columns run to the right and rows upwards.
     pub fn grid(&mut self, columns: usize, rows: usize, at: impl Fn(usize, usize) -> Vec3) {
         let first = self.positions.len();
         for row in 0..=rows {
@@ -65,7 +65,7 @@ impl Part {
 }
 
 impl Model {
-    /// A model with a square camera at `(0, 0, z)` that looks along −Z with +Y up. `tan_half_fov` is the tangent of half its field of view.
+    /// A model with a square camera at `(0, 0, z)` that looks along −Z with +Y up. `tan_half_fov` is the tangent of half the field of view.
     pub(super) fn along_z(
         name: &'static str,
         parts: Vec<Part>,
@@ -76,7 +76,7 @@ impl Model {
         Self { name, parts, materials, camera }
     }
 
-    /// The model as a scene in memory. For a shipped model it equals the scene loaded from the file, except for path and hash.
+    /// Converts the model to a scene in memory. For a shipped model, it equals the scene loaded from the file, except for path and hash.
     pub fn to_scene(&self) -> Scene {
         let labelled = self.parts.iter().any(|part| part.label.is_some());
         let regions = if labelled {
@@ -112,7 +112,7 @@ impl Model {
     }
 }
 
-/// A pinhole at `position` with a square picture that looks along `forward`, with +X to the right.
+/// A pinhole camera at `position` with a square picture. It looks along `forward`, with +X to the right.
 pub(super) fn square_camera(position: Vec3, [up, forward]: [Vec3; 2], tan_half_fov: f32) -> Camera {
     let (name, right, aspect, lens) = ("camera".into(), Vec3::X, Some(1.0), Lens::PINHOLE);
     Camera { name, position, right, up, forward, tan_half_fov, aspect, lens }
@@ -120,7 +120,7 @@ pub(super) fn square_camera(position: Vec3, [up, forward]: [Vec3; 2], tan_half_f
 
 fn content_hash(scene: &Scene) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
-    // Rust prints floats with the shortest digits that read back as the same number, so different values have different texts.
+    // Rust prints floats with the fewest digits that are read back as the same number. Different values therefore have different texts.
     hasher.update(
         format!(
             "{:?} {:?} {:?} {:?} {:?}",
@@ -153,13 +153,13 @@ const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 
 impl Model {
-    /// The model as a `.glb` file.
+    /// The model as the bytes of a `.glb` file.
     pub fn to_glb(&self) -> Vec<u8> {
         write(self)
     }
 }
 
-/// The bytes of the file, which are the same on every machine. Positions are `f32`; indices are `u16` if they fit and `u32` otherwise.
+/// The bytes of the `.glb` file, which are the same on every machine. Positions are `f32`. Indices are `u16` if they fit, otherwise `u32`.
 fn write(model: &Model) -> Vec<u8> {
     let mut binary = Binary::default();
     let mut nodes = Vec::new();
@@ -194,7 +194,7 @@ fn write(model: &Model) -> Vec<u8> {
     assemble(document.to_string().into_bytes(), binary.bytes)
 }
 
-/// The binary chunk under construction, with its buffer views and accessors.
+/// The binary chunk while it is built, with its buffer views and accessors.
 #[derive(Default)]
 struct Binary {
     bytes: Vec<u8>,
@@ -226,7 +226,7 @@ impl Binary {
 
     fn indices(&mut self, part: &Part) -> usize {
         let start = self.bytes.len();
-        // The largest index of each width is reserved for primitive restart.
+        // The format reserves the largest index of each integer type for primitive restart.
         let short = part.positions.len() < usize::from(u16::MAX);
         for &index in part.triangles.as_flattened() {
             if short {
@@ -245,7 +245,7 @@ impl Binary {
         )
     }
 
-    /// Adds a buffer view for the bytes from `start` on, and `accessor` for that view. Returns the accessor's index.
+    /// Adds a buffer view for the bytes from `start` to the end, and `accessor` for that view. Returns the accessor's index.
     fn accessor(&mut self, start: usize, mut accessor: Value) -> usize {
         let length = self.bytes.len() - start;
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
@@ -271,7 +271,7 @@ fn material(material: &Material) -> Value {
 }
 
 fn camera(camera: &Camera) -> Value {
-    // The format requires a near plane. The field of view is rounded, so that its last digit does not depend on the machine.
+    // The format requires a near plane. The field of view is rounded, so that its last digit is the same on every machine.
     let field = (2.0 * f64::from(camera.tan_half_fov).atan()) as f32;
     let mut perspective = json!({ "yfov": field, "znear": 0.001 });
     if let Some(aspect) = camera.aspect {
@@ -280,7 +280,7 @@ fn camera(camera: &Camera) -> Value {
     json!({ "name": "rig", "type": "perspective", "perspective": perspective })
 }
 
-/// The camera's node. Its pose is a matrix and not a quaternion, so that axes such as −Y are read back exactly.
+/// The camera's node. Its pose is a matrix instead of a quaternion, so that axes such as −Y are read back exactly.
 fn camera_node(camera: &Camera) -> Value {
     let columns = [
         camera.right.extend(0.0),

@@ -1,4 +1,4 @@
-//! Buffers, their views and URIs, and accessors. An accessor is a typed, strided array in a view; it is checked when it is opened.
+//! Buffers, their views and URIs, and accessors. An accessor is a typed, strided array in a view, and is checked when it is opened.
 
 use std::path::PathBuf;
 
@@ -47,7 +47,7 @@ pub(super) fn load(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
-/// The bytes of a buffer view, and its stride in bytes if it states one. `what` names the object that uses it.
+/// The bytes of a buffer view, and its stride in bytes if stated. `what` names the object that uses the view.
 pub(super) fn view<'a>(
     document: &'a Document,
     what: &str,
@@ -73,7 +73,7 @@ pub(super) fn view<'a>(
     Ok((bytes, view.byte_stride.map(|stride| stride.0)))
 }
 
-/// Whether a buffer is marked as a fallback, which may lack data. Its views are decompressed from another buffer.
+/// Whether a buffer is marked as a fallback, which may have no data. Its views are decompressed from another buffer.
 fn is_fallback(buffer: &json::Buffer) -> bool {
     let extensions = buffer.extensions.as_ref().map(|extensions| &extensions.others);
     let is_fallback = |name: &&str| {
@@ -83,7 +83,7 @@ fn is_fallback(buffer: &json::Buffer) -> bool {
     MESHOPT.iter().any(is_fallback)
 }
 
-/// For each buffer, whether it has views and all of them are compressed. Such a buffer is not read, even if it is not marked.
+/// For each buffer, whether it has views and all of these are compressed. Such a buffer is not read, even if not marked as a fallback.
 fn unread(root: &json::Root) -> Vec<bool> {
     let mut views = vec![[0_usize; 2]; root.buffers.len()];
     for view in &root.buffer_views {
@@ -99,14 +99,14 @@ pub(super) fn compression(view: &json::buffer::View) -> Option<&json::Value> {
     MESHOPT.iter().find_map(|name| others.get(*name))
 }
 
-/// Base64 with or without padding, since exporters differ.
+/// Base64 with or without padding, because exporters differ.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
     &base64::alphabet::STANDARD,
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// Reads the bytes that a URI refers to. `what` names the object that uses it (`buffer 0`). The bytes of a file are added to the document's
-/// hash. The bytes of a data URI are part of the scene file, which is already hashed.
+/// Reads the bytes that a URI refers to. `what` names the object that uses the URI, such as `buffer 0`. The bytes of a file are added to
+/// the document's hash. The bytes of a data URI are part of the scene file, which is already hashed.
 pub(super) fn read_uri(document: &mut Document, what: &str, uri: &str) -> Result<Vec<u8>> {
     // The scheme is case-insensitive.
     if uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
@@ -133,7 +133,7 @@ fn decode_data(document: &Document, what: &str, data: &str) -> Result<Vec<u8>> {
     })
 }
 
-/// A predicate for a file that is missing or not next to the scene. A URI that cannot be decoded is another error.
+/// A predicate for a file that is missing or not next to the scene. `None` for a URI that cannot be decoded, which is another error.
 pub(super) fn absence(document: &Document, uri: &str) -> Option<&'static str> {
     let is_data = uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"));
     let decoded = percent_decode(uri).filter(|_| !is_data && !uri.is_empty())?;
@@ -154,7 +154,7 @@ fn resolve(document: &Document, what: &str, uri: &str) -> Result<PathBuf> {
     let decoded = percent_decode(uri).ok_or_else(|| {
         document.fault(format!("{what}: `{uri}` is not a valid URI (percent-encoding or UTF-8)")).help(help)
     })?;
-    // Both forms are checked: a scheme is recognized before decoding, an encoded absolute path only after it.
+    // Both forms are checked: a scheme is recognized only before decoding, and an encoded absolute path only after decoding.
     source::next_to(&document.file.path, uri)
         .and_then(|_| source::next_to(&document.file.path, &decoded))
         .map_err(|fault| {
@@ -180,7 +180,7 @@ fn percent_decode(text: &str) -> Option<String> {
     String::from_utf8(decoded).ok().filter(|text| !text.contains('\0'))
 }
 
-/// A checked accessor: all its `count` elements lie inside its bytes.
+/// A checked accessor, whose `count` elements all lie inside its bytes.
 #[derive(Clone, Copy)]
 pub(super) struct OpenAccessor<'a> {
     /// The elements; `None` if all of them are zero.
@@ -204,7 +204,7 @@ impl<'a> Elements<'a> {
     }
 }
 
-/// Replacements of elements: their indices, strictly increasing, and their values.
+/// Replacements of elements. Their indices are strictly increasing.
 #[derive(Clone, Copy)]
 struct Sparse<'a> {
     indices: Elements<'a>,
@@ -219,7 +219,7 @@ impl Sparse<'_> {
         integer(self.indices.at(position)?, self.component)
     }
 
-    /// The position of the replacement of element `index`. A binary search needs no dense copy, whose size a hostile file could choose.
+    /// The position of the replacement for element `index`. Binary search avoids a dense copy, whose size a malicious file could choose.
     fn find(&self, index: usize) -> Option<usize> {
         let (mut low, mut high) = (0, self.count);
         while low < high {
@@ -236,7 +236,8 @@ impl Sparse<'_> {
 
 const HELP: &str = "the file is damaged or not glTF 2.0: export it again";
 
-/// Opens an accessor of this shape and one of these component types. `what` names its user, such as `mesh 0, primitive 1: POSITION`.
+/// Opens an accessor that must have this shape and one of these component types. `what` names the object that uses the accessor, such as
+/// `mesh 0, primitive 1: POSITION`.
 pub(super) fn open_accessor<'a>(
     document: &'a Document,
     what: &str,
@@ -274,7 +275,7 @@ pub(super) fn open_accessor<'a>(
             let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
             Some(elements(document, &format!("accessor {index}"), view, offset, element, count)?)
         }
-        // Elements without data are zero by the specification.
+        // The specification defines elements without data as zero.
         None => None,
     };
     let Ok(count) = usize::try_from(count) else {
@@ -325,7 +326,7 @@ fn open_sparse<'a>(
     Ok(sparse)
 }
 
-/// Finds `count` elements of `element` bytes in a buffer view and checks that all of them lie inside. `what` names them in errors.
+/// Finds `count` elements of `element` bytes each in a buffer view, and checks that all of them lie inside. `what` names them in errors.
 fn elements<'a>(
     document: &'a Document,
     what: &str,
@@ -341,7 +342,7 @@ fn elements<'a>(
             .fault(format!("{what} has elements of {element} bytes in a buffer view of stride {stride}"))
             .help(HELP));
     }
-    // The arithmetic is checked: a hostile count or offset must not wrap around.
+    // Checked arithmetic is used, because a malicious count or offset must not wrap around.
     let end = match count.checked_sub(1) {
         None => Some(offset),
         Some(last) => last
@@ -373,7 +374,7 @@ fn integer(bytes: &[u8], component: ComponentType) -> Option<u32> {
 }
 
 impl OpenAccessor<'_> {
-    /// The bytes from element `index` on; `Some(None)` if the element is zero, `None` past the end.
+    /// The bytes that begin with element `index`. `Some(None)` if the element is zero, `None` if the index is past the end.
     fn bytes(&self, index: usize) -> Option<Option<&[u8]>> {
         if index >= self.count {
             return None;
@@ -389,7 +390,7 @@ impl OpenAccessor<'_> {
         }
     }
 
-    /// Element `index` of an array of vectors. Integers are converted to floats as `KHR_mesh_quantization` defines. `None` past the end.
+    /// Element `index` of an array of vectors, or `None` past the end. Integers are converted to floats as `KHR_mesh_quantization` defines.
     pub(super) fn vector<const N: usize>(&self, index: usize) -> Option<[f32; N]> {
         let mut vector = [0.0; N];
         let Some(bytes) = self.bytes(index)? else { return Some(vector) };
@@ -404,7 +405,7 @@ impl OpenAccessor<'_> {
         self.integers::<1>(index).map(|[integer]| integer)
     }
 
-    /// Element `index` of an array of vectors of unsigned integers. `None` past the end.
+    /// Element `index` of an array of vectors of unsigned integers, or `None` past the end.
     pub(super) fn integers<const N: usize>(&self, index: usize) -> Option<[u32; N]> {
         let mut integers = [0; N];
         let Some(bytes) = self.bytes(index)? else { return Some(integers) };

@@ -1,4 +1,4 @@
-//! The rig's camera and projector, from the file's camera nodes or a camera file.
+//! The rig's camera and projector, from the camera nodes of the scene or from a camera file.
 
 use glam::{DVec3, Vec3};
 use gltf_json as json;
@@ -13,7 +13,7 @@ use crate::scene::camera_file::Cameras;
 use crate::scene::triangle::MAX_COORDINATE;
 use crate::scene::{Camera, LoadOptions};
 
-/// The largest cosine of axes that count as perpendicular. It is well above the rounding of exporters, and well below a visible shear.
+/// The largest cosine between axes that count as perpendicular: well above the rounding of exporters, and well below a visible shear.
 const MAX_SHEAR: f64 = 1e-4;
 
 struct Candidate<'a> {
@@ -27,8 +27,8 @@ fn names(candidates: &[&Candidate<'_>]) -> String {
     candidates.iter().map(|candidate| format!("`{}`", candidate.name)).collect::<Vec<_>>().join(", ")
 }
 
-/// Completes the cameras that a camera file states from the scene's camera nodes. The camera is the node that the options want; `None` if
-/// krylux is to place one. The projector is the node that has `"krylux": "projector"` in its extras.
+/// Completes the cameras of a camera file by the scene's camera nodes. The camera is the node that the options select, or `None` if krylux
+/// is to place a camera. The projector is the node that has `"krylux": "projector"` in its extras.
 pub(super) fn complete(
     document: &mut Document,
     placed: &[Placed],
@@ -58,7 +58,7 @@ pub(super) fn complete(
     Ok(stated)
 }
 
-/// The camera nodes of the scene: the cameras, and those that are marked as projectors.
+/// The camera nodes of the scene: first the cameras, then the nodes that are marked as projectors.
 fn candidates<'a>(
     document: &'a Document,
     placed: &'a [Placed],
@@ -88,8 +88,8 @@ fn candidates<'a>(
     Ok((cameras, projectors))
 }
 
-/// The camera that the options want. If they allow a placed camera, it is the first perspective camera of the scene, with a warning that
-/// names the others; `None` if the scene has no perspective camera.
+/// The camera that the options select. If they allow a placed camera, the first perspective camera of the scene is selected, with a warning
+/// that names the others. `None` if the scene has no perspective camera.
 fn choose<'a>(
     document: &Document,
     candidates: &'a [Candidate<'a>],
@@ -194,7 +194,7 @@ fn axes(document: &Document, name: &str, placed: &Placed) -> Result<[DVec3; 3]> 
             .fault(format!("camera `{name}` is mirrored by its node's transform"))
             .help("remove the negative scale from the camera's node or its parents"));
     }
-    // glTF cameras look along −Z with +Y up. Adding zero turns −0 into 0.
+    // glTF cameras look along −Z with +Y up. Adding zero converts −0 to 0.
     let forward = -z + DVec3::ZERO;
     let right = x.reject_from_normalized(forward).normalize() + DVec3::ZERO;
     let up = right.cross(forward) + DVec3::ZERO;

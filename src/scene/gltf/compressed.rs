@@ -16,7 +16,7 @@ use super::{Document, buffers, object_name};
 use crate::error::Result;
 use crate::scene::triangle::MAX_TRIANGLES;
 
-/// The largest total size of a file's decompressed views, in bytes. A few kilobytes can stand for any number of equal vertices.
+/// The largest total size of a file's decompressed views, in bytes. A few kilobytes can encode any number of equal vertices.
 const MAX_BYTES: usize = 1 << 30;
 
 #[derive(Deserialize)]
@@ -37,7 +37,7 @@ fn none() -> String {
     "NONE".into()
 }
 
-/// Decompresses every compressed buffer view into a new buffer. The view then refers to that buffer.
+/// Decompresses every compressed buffer view into a new buffer, and makes the view refer to this buffer.
 pub(super) fn decompress_views(document: &mut Document) -> Result<()> {
     let mut workspace = Workspace::new(Limits { max_bytes: MAX_BYTES, ..Limits::default() });
     let mut total = 0_usize;
@@ -100,7 +100,7 @@ fn decoded_view(
 
 fn add_buffer(document: &mut Document, bytes: Vec<u8>) -> json::Index<json::Buffer> {
     document.buffers.push(bytes);
-    // The memory cannot hold 2³² buffers.
+    // The cast is exact, because memory cannot hold 2³² buffers.
     json::Index::new(document.buffers.len() as u32 - 1)
 }
 
@@ -114,7 +114,7 @@ struct CompressedPrimitive {
     attributes: BTreeMap<String, u32>,
 }
 
-/// Decompresses every compressed primitive. Its indices and attributes then refer to new accessors.
+/// Decompresses every compressed primitive, and makes its indices and attributes refer to new accessors.
 pub(super) fn decompress_primitives(document: &mut Document) -> Result<()> {
     for mesh in 0..document.root.meshes.len() {
         for primitive in 0..document.root.meshes[mesh].primitives.len() {
@@ -185,7 +185,7 @@ fn replace(
     }
     let primitive = &mut document.root.meshes[mesh].primitives[primitive];
     primitive.attributes = replaced;
-    // A compressed mesh has triangles, even if the file says that it has a strip.
+    // A compressed mesh has separate triangles, even if the file states a strip.
     (primitive.indices, primitive.mode) = (Some(indices), Checked::Valid(Mode::Triangles));
     Ok(())
 }
@@ -227,7 +227,7 @@ fn add(document: &mut Document, like: Accessor, bytes: Vec<u8>, count: usize) ->
     document.root.push(Accessor { buffer_view: Some(view), byte_offset: None, sparse: None, count, ..like })
 }
 
-/// A value in the component type of its accessor. The casts are exact, because integer types hold integers.
+/// A value as bytes of its accessor's component type. The casts are exact, because values for integer types are integers.
 fn encoded(value: f32, component: ComponentType) -> Vec<u8> {
     match component {
         ComponentType::F32 => value.to_le_bytes().to_vec(),

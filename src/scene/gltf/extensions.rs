@@ -10,7 +10,7 @@
 //! | `KHR_texture_transform` | supported, for each texture separately |
 //! | `KHR_mesh_quantization` | supported |
 //! | `EXT_mesh_gpu_instancing` | supported |
-//! | `KHR_draco_mesh_compression`, `EXT_meshopt_compression`, `KHR_meshopt_compression` | decompressed by a krylux that is built with the feature `compressed`; without it an error where the file requires the extension, and otherwise the copy in the file that is not compressed is read |
+//! | `KHR_draco_mesh_compression`, `EXT_meshopt_compression`, `KHR_meshopt_compression` | decompressed by a krylux that is built with the feature `compressed`; without it an error where the file requires the extension, and otherwise the uncompressed copy in the file is read |
 //! | `EXT_texture_webp` | supported |
 //! | `KHR_texture_basisu`, `EXT_texture_avif`, `MSFT_texture_dds` | another picture of the texture is used; where there is none, the texture is left out with a warning; an error where the file requires the extension |
 //! | `KHR_lights_punctual` | ignored with a warning: the projector is the light |
@@ -18,13 +18,11 @@
 //! | any other, used | a warning, unless the extension has no effect on the picture |
 //! | `KHR_materials_unlit` | a matte surface of the base colour, with a warning: an unlit surface transports no light |
 //!
-//! Supported parts of the core format: all metallic-roughness textures; alpha modes; `COLOR_0`;
-//! `TEXCOORD_0` and `TEXCOORD_1`; normals; sparse accessors; morph targets and skins in their rest pose,
-//! without animations. Occlusion textures are ignored, since occlusion is traced. `TANGENT` is ignored, since
-//! normal maps are read in the frame of their texture coordinates.
+//! Supported parts of the core format: all metallic-roughness textures; alpha modes; `COLOR_0`; `TEXCOORD_0` and `TEXCOORD_1`; normals;
+//! sparse accessors; morph targets and skins in their rest pose, without animations. Occlusion textures are ignored, because occlusion is
+//! traced. `TANGENT` is ignored, because normal maps are read in the frame of their texture coordinates.
 //!
-//! The extras of a camera node may have `"krylux": "projector"`, `resolution`, `aperture_radius` and
-//! `focus_distance`.
+//! The extras of a camera node may have `"krylux": "projector"`, `resolution`, `aperture_radius` and `focus_distance`.
 
 use gltf_json as json;
 
@@ -51,7 +49,7 @@ const SUPPORTED: [&str; 12] = [
 
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// The two names of the extension.
+/// The two names of the meshopt extension.
 pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
 fn compresses(name: &str) -> bool {
@@ -66,7 +64,7 @@ pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 const LIGHTS: &str = "KHR_lights_punctual";
 
-/// Extensions that do not change the picture of the scene at rest.
+/// Extensions that do not change the picture of a scene at rest.
 const WITHOUT_EFFECT: [&str; 14] = [
     "EXT_instance_features",
     "EXT_mesh_features",
@@ -84,10 +82,10 @@ const WITHOUT_EFFECT: [&str; 14] = [
     "VRMC_vrm",
 ];
 
-/// Extensions for image formats. They matter only for textures that have no picture in another format.
+/// Extensions for image formats. They matter only for textures without a picture in another format.
 const CHECKED_AT_USE: [&str; 3] = ["KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"];
 
-/// Refuses unsupported extensions that are required, and warns about each other unsupported one.
+/// Refuses unsupported extensions that are required, and warns about other unsupported extensions.
 pub(super) fn check(document: &mut Document) -> Result<()> {
     for name in &document.root.extensions_required {
         let name = name.as_str();
@@ -106,7 +104,7 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
         } else if !is_supported(name)
             && !WITHOUT_EFFECT.contains(&name)
             && !CHECKED_AT_USE.contains(&name)
-            // These warnings name a material, so they are made where materials are read.
+            // A warning about a material extension names the material, so it is added where materials are read.
             && !name.starts_with("KHR_materials_")
         {
             document.file.warn(format!("the extension {name} is not supported and ignored"));
@@ -133,12 +131,12 @@ pub(super) fn advice(name: &str) -> &'static str {
     }
 }
 
-/// The members of an object's extras; empty if it has none.
+/// The members of an object's extras. Empty if the object has no extras.
 #[derive(Clone, Default)]
 pub(super) struct Extras(serde_json::Map<String, json::Value>);
 
 impl Extras {
-    /// Parses extras. Extras that are not a JSON object count as empty.
+    /// Parses extras. If they are not a JSON object, the result is empty.
     pub(super) fn of(extras: &json::Extras) -> Self {
         let parsed = extras.as_ref().and_then(|extras| serde_json::from_str(extras.get()).ok());
         Self(match parsed {
@@ -147,7 +145,7 @@ impl Extras {
         })
     }
 
-    /// The members of both. For a member that both have, the value of `self` is taken.
+    /// The members of both. If both have the same member, the value of `self` is used.
     pub(super) fn or(self, other: Self) -> Self {
         let mut members = other.0;
         members.extend(self.0);
@@ -190,16 +188,16 @@ impl Extras {
     }
 }
 
-/// The largest length of a label in bytes. Every node below a labelled node has a copy of its label.
+/// The largest length of a label in bytes. The limit is needed because every node below a labelled node has a copy of the label.
 const MAX_NAME_BYTES: usize = 200;
 
-/// A region label. The order of labels is the order of the regions: numbers by value, then names, then the
-/// region of surfaces without a label. A region's index therefore does not depend on the order of the nodes.
+/// A region label. Labels are ordered as the regions are: numbers by value, then names, then the region of surfaces without a label. A
+/// region's index therefore does not depend on the order of the nodes.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Label {
     Number(u64),
     Name(String),
-    /// Surfaces without a label in a file that has labels.
+    /// The label of surfaces without a stated label, in a file that has labels.
     Absent,
 }
 

@@ -1,4 +1,4 @@
-//! Assembly of the scene's triangles in world space from its nodes and meshes.
+//! Assembly of the scene's triangles in world space from nodes and meshes.
 
 use std::collections::HashMap;
 
@@ -19,16 +19,16 @@ use crate::scene::triangle::{MAX_COORDINATE, MAX_TRIANGLES, Triangle};
 
 const NO_AREA: &str = "points or lines, which have no area";
 
-/// The triangles of one primitive at one node. Their region index is set later.
+/// The triangles of one primitive at one node. Their region is set later.
 pub(super) struct Surface {
     pub placed: usize,
     /// The label of the primitive, or else of its mesh, or else of its node.
     pub label: Option<Label>,
-    /// Never empty.
+    /// The triangles. There is at least one.
     pub triangles: Vec<Triangle>,
 }
 
-/// Assembles all surfaces of the scene, in the order of the nodes. If the scene moves, they are assembled again around the new origin.
+/// Assembles all surfaces of the scene, in the order of the nodes. If the scene is moved, they are assembled again at the new origin.
 pub(super) fn assemble(
     document: &mut Document,
     placed: &[Placed],
@@ -56,7 +56,7 @@ pub(super) fn assemble(
     Ok(assembly.surfaces)
 }
 
-/// All surfaces of a scene in the coordinates of `place`, which takes note of their corners.
+/// Assembles all surfaces of a scene in the coordinates of `place`, which notes their corners.
 fn assembly(
     document: &mut Document,
     placed: &[Placed],
@@ -110,14 +110,14 @@ struct Placement {
     primitive: usize,
 }
 
-/// The surfaces assembled so far, with the counts that bound the work.
+/// The surfaces assembled so far, and the counts that bound the work.
 struct Assembly {
     surfaces: Vec<Surface>,
     skins: Skins,
     counts: Counts,
     /// The number of triangles that were dropped because they have no area.
     degenerate: usize,
-    /// Labels of meshes and of their primitives. Each is parsed once, even if the mesh is placed many times.
+    /// Labels of meshes and of their primitives. Each label is parsed once, even if the mesh is placed many times.
     labels: HashMap<(usize, Option<usize>), Option<Label>>,
 }
 
@@ -214,7 +214,7 @@ impl Assembly {
     }
 }
 
-/// Whether a primitive consists of triangles. Adds a warning if it does not.
+/// Whether a primitive consists of triangles. If not, adds a warning.
 fn has_triangles(document: &mut Document, placement: &Placement) -> Result<bool> {
     let what = &placement.what;
     match &document.root.meshes[placement.mesh].primitives[placement.primitive].mode {
@@ -241,18 +241,18 @@ struct Placer<'a> {
 }
 
 impl Placer<'_> {
-    /// The triangle with the vertices `indices` as corners, in the coordinates of `place`, which takes note of them.
+    /// The triangle whose corners are the vertices `indices`, in the coordinates of `place`, which notes the corners.
     pub(super) fn triangle(&self, indices: [u32; 3], place: &mut Place) -> Result<Triangle> {
         let mut triangle = Triangle::flat([Vec3::ZERO; 3], self.material, 0);
         let mut mirrors = false;
         for (corner, index) in indices.into_iter().enumerate() {
             mirrors = self.place(index, corner, &mut triangle, place)?;
         }
-        // A mirroring transform reverses the order of the corners. Exchanging two of them keeps the front where it was.
+        // A mirroring transform reverses the orientation of the corners. Exchanging two of the corners restores the front.
         Ok(if mirrors { triangle.flipped() } else { triangle })
     }
 
-    /// Sets corner number `corner` of `triangle` to the vertex `index`. Returns whether the vertex's transform mirrors.
+    /// Sets corner number `corner` of `triangle` to the vertex `index`. Returns whether the transform of the vertex mirrors.
     fn place(&self, index: u32, corner: usize, triangle: &mut Triangle, place: &mut Place) -> Result<bool> {
         let Self { document, what, vertices, .. } = self;
         let vertex = vertices.vertex(index as usize).ok_or_else(|| {
@@ -297,25 +297,25 @@ fn bad_position(document: &Document, what: &str, vertex: u32, local: Vec3) -> Er
     }
 }
 
-/// The largest number of placed primitives. A limit is needed because a small file can place any number without triangles.
+/// The largest number of placed primitives. The limit is needed because a small file can place any number of primitives without triangles.
 const MAX_PLACEMENTS: usize = 1 << 20;
 
-/// The largest sum of triangles times morph targets.
+/// The largest number of triangles, counted once for each morph target.
 const MAX_MORPHS: usize = 1 << 28;
 
-/// The counts so far. They are limited because a small file can place one mesh any number of times.
+/// The numbers of placements, instances and triangles so far. They are limited because a small file can place one mesh any number of times.
 #[derive(Default)]
 struct Counts {
     placements: usize,
     instances: usize,
-    /// The number of triangles, including dropped ones.
+    /// The number of triangles, including dropped triangles.
     total: usize,
     /// The number of triangles, counted once for each morph target.
     morphs: usize,
 }
 
 impl Counts {
-    /// Adds `more` to `number`. The error says that there are more than `most` of `what`.
+    /// Adds `more` to `number`. Fails if the sum exceeds `most`. `what` names the counted objects in the error.
     fn add(
         document: &Document,
         number: &mut usize,
@@ -340,7 +340,7 @@ impl Counts {
         Self::add(document, &mut self.instances, count, limit)
     }
 
-    /// Counts the triangles of a primitive. Returns their number at all poses.
+    /// Counts the triangles of a primitive. Returns their number over all poses.
     fn triangles(&mut self, document: &Document, mesh: usize, poses: usize, targets: usize) -> Result<usize> {
         let count = mesh.saturating_mul(poses);
         let help = "simplify the meshes, or place fewer of them";
@@ -362,13 +362,13 @@ pub(super) fn too_many(document: &Document, count: usize) -> Error {
 #[derive(Clone, Copy)]
 struct Progress<'a> {
     pub watcher: Watcher<'a>,
-    /// The index of the node in work, and the number of nodes.
+    /// The index of the current node, and the number of nodes.
     pub position: usize,
     pub nodes: usize,
 }
 
 impl Progress<'_> {
-    /// Tells the watcher from time to time that `done` of `of` triangles of the node are finished.
+    /// Regularly tells the watcher that `done` of the node's `of` triangles are finished.
     fn at(self, done: usize, of: usize) -> Result<()> {
         self.watcher.count(done, || (self.position as f32 + done as f32 / of as f32) / self.nodes as f32)
     }

@@ -12,20 +12,21 @@ use super::{Document, object_name};
 use crate::error::{Error, Result};
 use crate::scene::{AlphaMode, Material, TextureRef, Volume};
 
-/// The materials that surfaces use, in the order of their first use.
+/// The materials that surfaces use, in order of their first use.
 #[derive(Default)]
 pub(super) struct Materials {
-    /// The materials that [`crate::scene::Triangle::material`] indexes.
+    /// The materials. [`crate::scene::Triangle::material`] is an index into this list.
     pub list: Vec<Material>,
     pub textures: Textures,
-    /// The index in the list for each material of the file; `None` is glTF's default material.
+    /// The index into the list for each material of the file. The key `None` stands for glTF's default material.
     index_of: HashMap<Option<usize>, usize>,
-    /// Materials without the textures for which a primitive lacks coordinates. The key is the material and the sets that the primitive has.
+    /// Copies of materials without some textures, for primitives that lack coordinates. The key has the material and the available
+    /// coordinate sets.
     bare: HashMap<(u32, [bool; 2]), u32>,
 }
 
 impl Materials {
-    /// The scene's index of the file's material `index`, or of glTF's default material for `None`. `what` names the primitive that uses it.
+    /// The scene's index of the file's material `index`, or of glTF's default material for `None`. `what` names the primitive in messages.
     pub(super) fn index_of(
         &mut self,
         document: &mut Document,
@@ -57,8 +58,8 @@ impl Materials {
         Ok(position as u32)
     }
 
-    /// The material for a primitive that has these sets of texture coordinates. If textures of the material `position` read other sets, it
-    /// is a copy without them, and a warning says so. `what` names the primitive.
+    /// The material for a primitive that has these sets of texture coordinates. If textures of the material `position` need a missing set,
+    /// the result is a copy without these textures, and a warning says so. `what` names the primitive.
     pub(super) fn with_coordinates(
         &mut self,
         document: &mut Document,
@@ -113,7 +114,7 @@ impl Materials {
         Ok(material)
     }
 
-    /// Sets the textures of `material`. `what` names the material in messages.
+    /// Adds the textures of `material`. `what` names the material in messages.
     fn refer_to_textures(
         &mut self,
         document: &mut Document,
@@ -150,7 +151,7 @@ impl Materials {
     }
 }
 
-/// The material number `index` of the file without its textures.
+/// Converts the file's material `index` without its textures.
 fn factors(
     checked: &Checks<'_>,
     index: usize,
@@ -230,7 +231,7 @@ fn check_extensions(document: &mut Document, what: &str, source: &json::Material
     is_unlit
 }
 
-/// The tolerance by which a fraction may lie outside `[0, 1]`: exporters that compute in single precision overshoot by rounding.
+/// The tolerance by which a fraction may lie outside `[0, 1]`. Exporters that compute in single precision exceed this range by rounding.
 const ROUNDING: f32 = 1e-5;
 
 /// Range checks. Their errors name the material and the factor.
@@ -241,7 +242,7 @@ pub(super) struct Checks<'a> {
 
 impl Checks<'_> {
     pub(super) fn fraction(&self, factor: &str, value: f32) -> Result<f32> {
-        // NaN fails the comparison, too.
+        // If the value is NaN, this comparison fails.
         if (-ROUNDING..=1.0 + ROUNDING).contains(&value) {
             return Ok(value.clamp(0.0, 1.0));
         }
@@ -268,14 +269,14 @@ impl Checks<'_> {
         if value.is_finite() { Ok(value) } else { Err(self.out_of_range(factor, value, "finite")) }
     }
 
-    /// A positive value. It may be infinite, which means no limit.
+    /// Checks for a positive value. It may be infinite, which means no limit.
     pub(super) fn positive(&self, factor: &str, value: f32) -> Result<f32> {
         if value > 0.0 { Ok(value) } else { Err(self.out_of_range(factor, value, "positive")) }
     }
 
-    /// An index of refraction: at least 1, or 0.
+    /// Checks an index of refraction: at least 1, or 0.
     pub(super) fn ior(&self, value: f32) -> Result<f32> {
-        // KHR_materials_ior: 0 asks for a Fresnel term of 1 everywhere.
+        // KHR_materials_ior: an index of 0 stands for a Fresnel term of 1 at all angles.
         if value == 0.0 || (value.is_finite() && value >= 1.0) {
             return Ok(value);
         }
@@ -297,7 +298,7 @@ const REFLECTANCE: f32 = 0.04;
 /// `KHR_materials_pbrSpecularGlossiness`, an older description of materials.
 ///
 /// The diffuse colour becomes the base colour of a dielectric with an index of refraction of 1.5, which reflects 0.04 at normal incidence.
-/// The file's specular reflectance, divided by 0.04, becomes the specular colour. A metal is such a surface without diffuse colour.
+/// The file's specular reflectance, divided by 0.04, becomes the specular colour. A metal becomes such a dielectric without diffuse colour.
 /// Roughness is 1 minus glossiness.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
@@ -336,7 +337,7 @@ impl Glossiness {
         material.base_color_texture = refer("diffuse", &self.diffuse_texture)?;
         material.specular_color_texture = refer("specular-glossiness", &self.specular_glossiness_texture)?;
         if let Some(specular) = material.specular_color_texture {
-            // The picture's alpha is the glossiness; roughness goes to the green channel.
+            // The picture's alpha is the glossiness. The roughness is written to the green channel.
             let rough = |[.., alpha]: [u8; 4]| {
                 let roughness = 1.0 - glossiness * f32::from(alpha) / 255.0;
                 [255, (255.0 * roughness).round() as u8, 255, 255]
@@ -371,7 +372,7 @@ struct DiffuseTransmission {
     diffuse_transmission_color_texture: Option<json::texture::Info>,
 }
 
-/// `KHR_materials_volume`. A thickness above 0 makes a solid. The geometry determines how thick it is.
+/// `KHR_materials_volume`. A thickness above 0 makes the object solid. Its actual thickness follows from the geometry.
 #[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 struct Medium {

@@ -1,8 +1,8 @@
 //! The loader of glTF 2.0 scenes, `.glb` and `.gltf`.
 //!
-//! The crate `gltf` parses the JSON. This module checks every reference and every range where it is used. The crate's own validation
-//! refuses files with extensions that krylux supports, and its readers panic on files that its validation would have refused. For any
-//! input, loading ends with a scene or an [`enum@Error`].
+//! The crate `gltf-json` parses the JSON. This module checks every reference and every range where it is used. The validation of the crate
+//! `gltf` is not used, because it refuses files with extensions that krylux supports. Without this validation, the readers of `gltf` would
+//! panic on invalid files, so they are not used either. For any input, loading ends with a scene or an [`enum@Error`].
 //!
 //! The module [`extensions`] lists the supported, ignored and refused features.
 
@@ -47,13 +47,13 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     }
 
     let placed = nodes::walk(&mut document)?;
-    // Errors about the camera are found before the work on the meshes.
+    // The cameras are completed before the slow work on the meshes, so that errors about them are reported early.
     let cameras = cameras::complete(&mut document, &placed, options, camera_file.unwrap_or_default())?;
     let mut materials = materials::Materials::default();
     let mut place = Place::of(cameras.camera.as_ref().map(|camera| camera.position));
     let surfaces = geometry::assemble(&mut document, &placed, &mut materials, options.watcher, &mut place)?;
     let (triangles, regions, regions_are_labels) = nodes::name_regions(&mut document, &placed, surfaces)?;
-    // The hash is part of cache keys, and another camera of the same file gives another matrix.
+    // The hash is part of cache keys. The camera's name is included, because another camera of the same file gives another matrix.
     let name = cameras.camera.as_ref().map_or(Camera::PLACED, |camera| &camera.camera.name);
     document.file.hash.add(name.as_bytes());
     let materials = (materials.list, materials.textures.list);
@@ -65,19 +65,19 @@ struct Document {
     file: SceneFile,
     root: json::Root,
     translations: Vec<Option<DVec3>>,
-    /// The binary chunk of a `.glb`, until [`buffers::load`] moves it to the first buffer.
+    /// The binary chunk of a `.glb` file, until [`buffers::load`] moves it to the first buffer.
     chunk: Option<Vec<u8>>,
     buffers: Vec<Vec<u8>>,
-    /// Sparse accessors with indices that are known to increase.
+    /// Sparse accessors whose indices have been checked to increase.
     checked_sparse: RefCell<HashSet<usize>>,
 }
 
 impl Document {
-    /// Reads and parses the file at `path`, without the files that it refers to.
+    /// Reads and parses the file at `path`, but not the files that it refers to.
     fn read(path: &Path, strict: bool) -> Result<Self> {
         let (file, bytes) = SceneFile::read(path, strict)?;
         let (text, chunk) = split(path, &bytes)?;
-        // Some programs write a byte order mark.
+        // Some exporters write a byte order mark.
         let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
         let (root, translations) = (read_root(path, text)?, nodes::translations(text));
         let chunk = chunk.map(<[u8]>::to_vec);
@@ -89,13 +89,13 @@ impl Document {
         object_name("node", index, self.root.nodes[index].name.as_ref())
     }
 
-    /// The object number `index` of a list of the file. `user` names the object that refers to it.
+    /// Element `index` of a list of the file's objects. `user` names the object that refers to it.
     fn referred<'a, T>(&self, list: &'a [T], user: &str, kind: &str, index: usize) -> Result<&'a T> {
         list.get(index)
             .ok_or_else(|| self.damaged(format!("{user} refers to {kind} {index}, which does not exist")))
     }
 
-    /// The extension `name` of the object `what`; `None` if `extensions` do not have it.
+    /// The extension `name` of the object `what`. `None` if `extensions` do not contain it.
     fn extension<T: DeserializeOwned>(
         &self,
         what: &str,
@@ -129,17 +129,17 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
     };
     let broken = Error::scene(path, format!("not a valid glTF document: {error}"))
         .help("export the scene again as glTF 2.0");
-    // The document may have another glTF version, which does not fit the structure.
+    // The document may have another glTF version, whose JSON does not match the crate's structure.
     let Ok(mut value) = serde_json::from_slice::<json::Value>(text) else { return Err(broken) };
     match value.pointer("/asset/version").and_then(json::Value::as_str) {
         Some(other) if !other.starts_with("2.") => return Err(other_version(path, other)),
-        // glTF 1.0 names its objects instead of numbering them. Some of its files do not state the version as a text.
+        // glTF 1.0 refers to objects by names instead of numbers. Some glTF 1.0 files do not state the version as a string.
         _ if value.get("scenes").is_some_and(json::Value::is_object) => {
             return Err(other_version(path, "1.0"));
         }
         _ => {}
     }
-    // The value is parsed from text again. This case is rare, and a parser of values would be more code to compile.
+    // The value is converted to text and parsed again. This is rarely needed, and a parser of JSON values would add code to compile.
     if complete(&mut value) {
         json::Root::from_str(&value.to_string()).map_err(|_| broken)
     } else {
@@ -147,10 +147,10 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
     }
 }
 
-/// Makes a valid document fit the crate's structure, which demands more than the specification. Returns whether it changed the document.
+/// Adapts a valid document to the crate's structure, which demands more than the specification. Returns whether the document was changed.
 fn complete(value: &mut json::Value) -> bool {
     let Some(members) = value.as_object_mut() else { return false };
-    // Animations are not used, and some use an extension with another structure.
+    // Animations are not used, and some contain an extension that does not match the crate's structure.
     let mut is_changed = members.remove("animations").is_some();
     // A scene may lack the list of nodes.
     for scene in members.get_mut("scenes").and_then(json::Value::as_array_mut).into_iter().flatten() {
@@ -176,7 +176,7 @@ const CHUNK_HEADER_BYTES: usize = 8;
 const JSON_CHUNK: &[u8; 4] = b"JSON";
 const BINARY_CHUNK: &[u8; 4] = b"BIN\0";
 
-/// Splits a file into its JSON text and its binary chunk. A file that does not begin with the GLB magic is JSON text as a whole.
+/// Splits a file into its JSON text and its binary chunk. If a file does not begin with the GLB magic number, all of it is JSON text.
 pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>)> {
     let extension_is_glb = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("glb"));
     if !bytes.starts_with(MAGIC) {
@@ -200,7 +200,7 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Optio
     if kind != JSON_CHUNK {
         return Err(damaged(path, "the first GLB chunk is not JSON"));
     }
-    // Chunks of other kinds belong to extensions. The specification says to skip them.
+    // Chunks of other kinds belong to extensions. The specification requires that they are skipped.
     let mut rest = rest;
     while !rest.is_empty() {
         let (kind, content, after) = chunk(path, rest)?;

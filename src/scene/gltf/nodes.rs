@@ -1,4 +1,4 @@
-//! The node graph: the nodes of the default scene, their world transforms, and the regions of their meshes.
+//! The node graph: the nodes of the default scene, their transforms to world space, and the regions of their meshes.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -12,7 +12,8 @@ use super::{Document, extensions, geometry, object_name, pose};
 use crate::error::Result;
 use crate::scene::Triangle;
 
-/// The translation of each node relative to its parent in double precision; the crate `gltf` reads single. Empty for unreadable text.
+/// The translation of each node relative to its parent in double precision (the crate `gltf-json` reads single). Empty if the text is
+/// unreadable.
 pub(super) fn translations(text: &[u8]) -> Vec<Option<DVec3>> {
     #[derive(Deserialize)]
     struct File {
@@ -34,19 +35,19 @@ pub(super) fn translations(text: &[u8]) -> Vec<Option<DVec3>> {
 
 pub(super) struct Placed {
     pub node: usize,
-    /// The transform from the node's frame to the world, in double precision because chains of transforms accumulate rounding errors.
+    /// The transform from the node's frame to world space, in double precision because chains of transforms accumulate rounding errors.
     pub transform: DAffine3,
-    /// The label of the node, or of its nearest ancestor that has one.
+    /// The label of the node, or else of its nearest ancestor with a label.
     pub label: Option<Label>,
 }
 
-/// Lists every node of the default scene, parents before children, in the file's order.
+/// Lists every node of the default scene. Parents precede their children, and siblings are in the file's order.
 pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
     let parents = parents(document)?;
     let listed = roots(document, &parents)?;
     let roots = trees(document, &parents, listed)?;
 
-    // The walk is not recursive: a chain of a million nodes must not overflow the thread's stack.
+    // The traversal is not recursive, because a chain of a million nodes would overflow the thread's stack.
     let mut stack: Vec<(usize, DAffine3, Option<Label>)> =
         roots.iter().rev().map(|&root| (root, DAffine3::IDENTITY, None)).collect();
     let mut placed = Vec::new();
@@ -67,7 +68,7 @@ pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
     Ok(placed)
 }
 
-/// The root nodes of the file's default scene, or else of its first scene. Without scenes, the file is a library, and all of it is shown.
+/// The root nodes of the file's default scene, or else of its first scene. All nodes are shown in a file without scenes (a library).
 fn roots(document: &mut Document, parents: &[Option<usize>]) -> Result<Vec<usize>> {
     let index = document.root.scene.map_or(0, |scene| scene.value());
     let count = document.root.scenes.len();
@@ -117,8 +118,8 @@ fn parents(document: &Document) -> Result<Vec<Option<usize>>> {
     Ok(parents)
 }
 
-/// The nodes at which the walk starts, so that it visits each node at most once: the listed nodes that are not below another listed node.
-/// Some exporters list a child of a node that is not in the scene. The child is then shown without its parent, as in other viewers.
+/// The nodes at which the traversal starts: the nodes that the scene lists, unless they are below another listed node. Each node is thus
+/// visited at most once. Some exporters list a node but not its parent. The node is then shown without its parent, as in other viewers.
 fn trees(document: &mut Document, parents: &[Option<usize>], listed: Vec<usize>) -> Result<Vec<usize>> {
     let name = |index: usize| document.node_name(index);
     let mut is_listed = vec![false; parents.len()];
@@ -158,7 +159,7 @@ fn trees(document: &mut Document, parents: &[Option<usize>], listed: Vec<usize>)
     Ok(trees)
 }
 
-/// For each node, whether a node above it is listed by the scene; `None` for nodes in a cycle or below one.
+/// For each node, whether the scene lists a node above it. `None` for nodes in a cycle or below a cycle.
 fn is_below_listed(document: &Document, parents: &[Option<usize>], is_listed: &[bool]) -> Vec<Option<bool>> {
     let mut known = vec![None; parents.len()];
     let tops = (0..parents.len()).filter(|&node| parents[node].is_none());
@@ -173,7 +174,7 @@ fn is_below_listed(document: &Document, parents: &[Option<usize>], is_listed: &[
 
 fn in_cycle(parents: &[Option<usize>], start: usize) -> bool {
     let mut at = start;
-    // If `start` is on a cycle, the walk returns to it after at most as many steps as there are nodes.
+    // If `start` is on a cycle, the loop returns to `start` after at most as many steps as there are nodes.
     for _ in 0..parents.len() {
         match parents[at] {
             Some(parent) if parent == start => return true,
@@ -208,7 +209,7 @@ fn local_transform(document: &Document, index: usize, node: &json::Node) -> Resu
     Ok(DAffine3::from_scale_rotation_translation(scale, rotation.normalize(), translation))
 }
 
-/// The largest number of labels. They are stored as bytes, and 255 stands for a masked pixel.
+/// The largest number of labels. Labels are stored as bytes, and 255 stands for a masked pixel.
 const MAX_LABELS: usize = 255;
 
 /// Sets the region of every triangle. Returns the triangles, the names of the regions, and whether the regions are labels.

@@ -16,7 +16,7 @@ use super::nodes::Placed;
 use super::{Document, object_name, vertices};
 use crate::error::Result;
 
-/// An affine transform of points, with the corresponding transform of normals.
+/// An affine transform of points, and the corresponding transform of normals.
 #[derive(Clone, Copy)]
 pub(super) struct Transform {
     points: DAffine3,
@@ -28,7 +28,8 @@ pub(super) struct Transform {
 impl Transform {
     pub(super) fn new(points: &DAffine3) -> Self {
         let DMat3 { x_axis, y_axis, z_axis } = points.matrix3;
-        // Cofactors are the inverse transpose times the determinant. They also exist for singular matrices. Normals are normalized anyway.
+        // The matrix of cofactors is the inverse transpose times the determinant, and exists even for singular matrices. Normals are
+        // normalized later, so the factor has no effect.
         let cofactors = DMat3::from_cols(y_axis.cross(z_axis), z_axis.cross(x_axis), x_axis.cross(y_axis));
         let mirrors = points.matrix3.determinant() < 0.0;
         Self { points: *points, normals: if mirrors { -cofactors } else { cofactors }, mirrors }
@@ -38,7 +39,7 @@ impl Transform {
         self.points.transform_point3(point.as_dvec3())
     }
 
-    /// The largest factor by which the transform lengthens a vector.
+    /// The largest factor by which the transform lengthens a vector along a coordinate axis.
     pub(super) fn stretch(&self) -> f64 {
         let DMat3 { x_axis, y_axis, z_axis } = self.points.matrix3;
         [x_axis, y_axis, z_axis].map(|axis| axis.length_squared()).into_iter().fold(0.0, f64::max).sqrt()
@@ -59,7 +60,7 @@ pub(super) enum Pose {
 }
 
 impl Pose {
-    /// The transform of vertex `index`. `None` if the vertex is bound to no joint, or to a joint that the skin does not have.
+    /// The transform of vertex `index`. `None` if the vertex has no joint, or refers to a joint that the skin does not have.
     pub(super) fn of(&self, index: usize, influences: &Influences<'_>) -> Option<Transform> {
         match self {
             Self::Rigid(transform) => Some(*transform),
@@ -86,7 +87,7 @@ struct Attributes {
     scale: Option<json::Index<json::Accessor>>,
 }
 
-/// The transforms from each instance's frame to the frame of `node`. `None` if the node does not use the extension. `what` names the node.
+/// The transforms from each instance's frame to the frame of `node`. `None` if the node is not instanced. `what` names the node.
 pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> Result<Option<Vec<DAffine3>>> {
     let extensions = node.extensions.as_ref().map(|extensions| &extensions.others);
     let Some(Instancing { attributes }) = document.extension(what, extensions, INSTANCING)? else {
@@ -147,7 +148,7 @@ const MAX_SETS: u32 = 4;
 
 /// The joint matrices of the skins, computed at their first use.
 pub(super) struct Skins {
-    /// The world transform of each node of the file; `None` if the node is not in the scene.
+    /// The transform of each node of the file to world space. `None` if the node is not in the scene.
     placed: Vec<Option<DAffine3>>,
     matrices: HashMap<usize, Rc<[DAffine3]>>,
 }
@@ -162,8 +163,8 @@ impl Skins {
         Self { placed: transforms, matrices: HashMap::new() }
     }
 
-    /// The matrices of skin `index`, which map the mesh's frame to the world: one for each joint. They do not include the transform of the
-    /// mesh's node, since only the joints place a skinned mesh. `user` names the node.
+    /// The matrices of skin `index`, one for each joint, which map the mesh's frame to world space. They exclude the transform of the
+    /// mesh's node, because only the joints place a skinned mesh. `user` names the node.
     pub(super) fn matrices(
         &mut self,
         document: &Document,
@@ -200,7 +201,7 @@ impl Skins {
     }
 }
 
-/// The affine transform of a 4×4 matrix given by columns; `None` if its last row is not 0 0 0 1. The tolerance is for exporters that round.
+/// The affine transform of a 4×4 matrix given by columns. `None` if the last row differs from 0 0 0 1 by more than exporters round.
 pub(super) fn affine(columns: [f32; 16]) -> Option<DAffine3> {
     let matrix = DMat4::from_cols_array(&columns.map(f64::from));
     let is_affine = matrix.row(3).abs_diff_eq(DVec4::W, 1e-6);
@@ -252,8 +253,8 @@ impl<'a> Influences<'a> {
         Ok(Self { sets })
     }
 
-    /// The transform of vertex `index` from the mesh's frame to the world: the weighted mean of its joints' matrices. `None` if the vertex
-    /// is bound to no joint, or to a joint that the skin does not have.
+    /// The transform of vertex `index` from the mesh's frame to world space: the weighted mean of its joints' matrices. `None` if the
+    /// vertex has no joint, or refers to a joint that the skin does not have.
     pub(super) fn matrix(&self, index: usize, joints: &[DAffine3]) -> Option<DAffine3> {
         let mut sum = DAffine3::ZERO;
         let mut total = 0.0;
@@ -269,7 +270,7 @@ impl<'a> Influences<'a> {
                 }
             }
         }
-        // The weights sum to 1 up to rounding; the division removes the rounding error.
+        // The weights add up to 1 only up to rounding. The division corrects this.
         (total > 0.0).then(|| DAffine3 { matrix3: sum.matrix3 / total, translation: sum.translation / total })
     }
 }

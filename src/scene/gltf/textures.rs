@@ -17,12 +17,12 @@ use crate::scene::{Texture, TextureRef, Wrap};
 
 pub(super) const WEBP: &str = "EXT_texture_webp";
 
-/// The textures that materials use, in the order of their first use.
+/// The textures that materials use, in order of their first use.
 #[derive(Default)]
 pub(super) struct Textures {
-    /// The textures that [`TextureRef::texture`] indexes.
+    /// The textures. [`TextureRef::texture`] is an index into this list.
     pub list: Vec<Texture>,
-    /// The index in the list for each combination of the file's image index, the wrapping, and whether the texture is interpolated.
+    /// The index into the list for each combination of the file's image index, the wrapping, and whether the texture is interpolated.
     index_of: HashMap<(usize, [Wrap; 2], bool), u32>,
 }
 
@@ -52,8 +52,8 @@ impl TextureUse {
 }
 
 impl Textures {
-    /// The scene's reference for the file's reference `info`. `material` and `role` (`base colour`) name its place in messages. `None` if
-    /// the texture reads unsupported coordinates. It is then left out with a warning.
+    /// Converts the file's reference `info` to a reference of the scene. `material` and `role` (such as `base colour`) name its position in
+    /// messages. If the texture needs unsupported coordinates, a warning is added, and the result is `None`.
     pub(super) fn refer(
         &mut self,
         document: &mut Document,
@@ -81,7 +81,7 @@ impl Textures {
         Ok(Some(TextureRef { texture, set, transform }))
     }
 
-    /// The scene's index of the file's texture `index`. `user` names the material that uses it as its `role`.
+    /// The index in the scene of the file's texture `index`. `user` names the material that uses the texture as its `role`.
     fn index_of(&mut self, document: &mut Document, user: &str, role: &str, index: usize) -> Result<u32> {
         let texture = document.referred(&document.root.textures, user, "texture", index)?.clone();
         let what = object_name("texture", index, texture.name.as_ref());
@@ -109,7 +109,7 @@ impl Textures {
         Ok(position)
     }
 
-    /// A texture made from texture `of` by a change of its texels. The change happens before any interpolation.
+    /// Adds a copy of texture `of` with changed texels. The change is applied before any interpolation. Returns the index of the copy.
     pub(super) fn derive(&mut self, of: u32, change: impl Fn([u8; 4]) -> [u8; 4]) -> Option<u32> {
         let mut texture = self.list.get(of as usize)?.clone();
         texture.texels.iter_mut().for_each(|texel| *texel = change(*texel));
@@ -117,8 +117,7 @@ impl Textures {
         Some(self.list.len() as u32 - 1)
     }
 
-    /// Decodes image `index` of the file. Returns its name and texels, or the reason and remedy if it is missing or in an unsupported
-    /// format.
+    /// Decodes image `index` of the file. Returns its name and texels. If it is missing or unsupported, returns the reason and the remedy.
     fn picture(
         &mut self,
         document: &mut Document,
@@ -152,7 +151,7 @@ impl Textures {
 
 type Absence = (String, String);
 
-/// The reason why a texture has no image. A reference to an image that does not exist is an error.
+/// The reason why a texture has no image. A reference to a missing image is an error.
 fn no_image(document: &Document, what: &str, texture: &json::Texture, source: usize) -> Result<Absence> {
     let alternative =
         texture.extensions.as_ref().and_then(|extensions| extensions.others.keys().next().cloned());
@@ -169,7 +168,7 @@ fn no_image(document: &Document, what: &str, texture: &json::Texture, source: us
     }
 }
 
-/// The index of a texture's image: its plain image, which every reader can use, or else its WebP image.
+/// The index of a texture's image: its core image, which every reader supports, or else its WebP image.
 fn image_of(document: &Document, texture: &json::Texture) -> usize {
     let own = texture.source.value();
     let webp = texture.extensions.as_ref().and_then(|extensions| extensions.others.get(WEBP));
@@ -178,7 +177,7 @@ fn image_of(document: &Document, texture: &json::Texture) -> usize {
     webp.filter(|_| !is_there).and_then(|index| usize::try_from(index).ok()).unwrap_or(own)
 }
 
-/// A texel that leaves a material as it is without the texture. An emissive texture becomes black.
+/// A texel that does not change the material. For an emissive texture, the texel is black.
 fn neutral(role: &str) -> [u8; 4] {
     match role {
         "normal" => [128, 128, 255, 255],
@@ -187,7 +186,7 @@ fn neutral(role: &str) -> [u8; 4] {
     }
 }
 
-/// The wrapping of `u` and `v` of a texture, and whether it is interpolated. Without a sampler these are glTF's defaults.
+/// The wrapping of `u` and `v` of a texture, and whether it is interpolated. Without a sampler, glTF's defaults are used.
 fn sampler(document: &Document, what: &str, texture: &json::Texture) -> Result<([Wrap; 2], bool)> {
     let Some(index) = texture.sampler.map(|sampler| sampler.value()) else {
         return Ok(([Wrap::Repeat; 2], true));
@@ -209,8 +208,8 @@ fn sampler(document: &Document, what: &str, texture: &json::Texture) -> Result<(
     Ok(([wrap(sampler.wrap_s)?, wrap(sampler.wrap_t)?], linear))
 }
 
-/// The map of texture coordinates by `KHR_texture_transform`: scale, then rotation, then offset. The rotation is counter-clockwise as seen
-/// on the picture, where `v` runs downwards.
+/// The map of texture coordinates by `KHR_texture_transform`: scale, then rotation, then offset. The rotation is counter-clockwise in the
+/// picture, where `v` points downwards.
 fn transform(scale: Vec2, rotation: f32, offset: Vec2) -> Affine2 {
     let (sine, cosine) = rotation.sin_cos();
     Affine2::from_mat2_translation(

@@ -11,7 +11,7 @@ use super::{Document, buffers};
 use crate::error::Result;
 use crate::scene::{Material, Triangle};
 
-/// The component types of coordinates: floats, and the integers that `KHR_mesh_quantization` adds.
+/// The component types of coordinates: floats, and the integer types that `KHR_mesh_quantization` adds.
 const COORDINATES: [ComponentType; 5] =
     [ComponentType::F32, ComponentType::I8, ComponentType::U8, ComponentType::I16, ComponentType::U16];
 
@@ -20,7 +20,7 @@ const COLORS: [ComponentType; 3] = [ComponentType::F32, ComponentType::U8, Compo
 #[derive(Clone, Copy)]
 pub(super) struct Vertex {
     pub position: Vec3,
-    /// The normal as in the file; zero if the file gives none.
+    /// The normal from the file. It is zero if the file states none.
     pub normal: Vec3,
     pub texcoords: [Vec2; 2],
     pub color: [u16; 4],
@@ -44,8 +44,7 @@ struct MorphTarget<'a> {
 }
 
 impl<'a> Vertices<'a> {
-    /// Opens the attributes and the morph targets with the rest weights `weights`, and the texture
-    /// coordinates that `material` uses.
+    /// Opens the attributes, the morph targets with the rest weights `weights`, and the texture coordinates that `material` uses.
     pub(super) fn open(
         document: &'a Document,
         what: &str,
@@ -136,7 +135,7 @@ fn open_targets<'a>(
         }
         let open = |name: &str, accessor: Option<json::Index<json::Accessor>>| {
             let source = accessor.and_then(|accessor| document.root.accessors.get(accessor.value()));
-            // An accessor without data stands for zeros, which move no vertex.
+            // An accessor without data has only zeros, which move no vertex.
             let is_zero =
                 source.is_some_and(|source| source.buffer_view.is_none() && source.sparse.is_none());
             let name = format!("{name} of its morph target {index}");
@@ -151,7 +150,7 @@ fn open_targets<'a>(
     Ok(targets)
 }
 
-/// Opens an array, if there is one, and checks that it has at least `least` elements. `what` names its user, and `name` the array.
+/// Opens an optional array, and checks that it has at least `least` elements. `what` names its user in messages, and `name` the array.
 pub(super) fn open<'a>(
     document: &'a Document,
     (what, name): (&str, &str),
@@ -204,7 +203,7 @@ impl<'a> Corners<'a> {
         Ok(Self { mode, indices, triangles })
     }
 
-    /// The vertices of triangle `index`, counter-clockwise around its front. `None` past the end.
+    /// The vertices of triangle `index`, counter-clockwise as seen from its front. `None` past the end.
     pub(super) fn vertices(&self, index: usize) -> Option<[u32; 3]> {
         let corners = match self.mode {
             // Every second triangle of a strip has the opposite orientation.

@@ -1,4 +1,4 @@
-//! Textures of `.mtl` materials: map options, and the opacity map that becomes the base colour's alpha.
+//! Textures of `.mtl` materials: map options, and the opacity map, which becomes the alpha of the base colour.
 
 use std::collections::HashMap;
 use std::io::Read;
@@ -28,7 +28,7 @@ struct TextureMap {
 }
 
 impl Maps {
-    /// The texture of a map, with another map as its alpha: `map_Kd` and `map_d`.
+    /// The texture of a picture map with an opacity map as its alpha: `map_Kd` and `map_d`.
     pub(super) fn texture(
         &mut self,
         material: &str,
@@ -66,7 +66,7 @@ impl Maps {
                 texture
             }
         };
-        // In the format, v points upwards: v′ = 1 − (scale · (1 − v) + offset).
+        // In this format, v points upwards: v′ = 1 − (scale · (1 − v) + offset).
         let Vec2 { x: scale_u, y: scale_v } = placed.scale;
         let offset = Vec2::new(placed.offset.x, 1.0 - scale_v - placed.offset.y);
         let transform =
@@ -75,8 +75,8 @@ impl Maps {
     }
 }
 
-/// Whether the picture of a map exists and has a supported format. If not, a warning says that the material is shown without it. In a
-/// strictly read scene, the result is `true`, and reading the picture is an error.
+/// Whether the picture of a map exists and has a supported format. If not, a warning says that the material is shown without the map. If
+/// the scene is read strictly, the result is always `true`, and reading the picture later causes an error.
 fn is_there(scene: &mut SceneFile, material: &str, map: &TextureMap) -> bool {
     if scene.strict {
         return true;
@@ -86,7 +86,7 @@ fn is_there(scene: &mut SceneFile, material: &str, map: &TextureMap) -> bool {
         scene.warn(format!("{picture} is missing, and left out"));
         return false;
     }
-    // A file that cannot be opened is an error when it is read.
+    // A file that cannot be opened causes an error later, when the picture is read.
     let mut beginning = [0; 16];
     let read = file::open(&map.file).ok().and_then(|mut file| file.read(&mut beginning).ok());
     let unread = read.and_then(|length| source::unread(&beginning[..length], &map.file));
@@ -96,7 +96,7 @@ fn is_there(scene: &mut SceneFile, material: &str, map: &TextureMap) -> bool {
     unread.is_none()
 }
 
-/// The texels of a picture with another picture as its opacity.
+/// The texels of a picture whose alpha comes from another picture.
 fn combined(scene: &mut SceneFile, material: &str, files: &[Option<PathBuf>; 2]) -> Result<Texels> {
     let [color, opacity] = files;
     let same = color == opacity;
@@ -106,10 +106,10 @@ fn combined(scene: &mut SceneFile, material: &str, files: &[Option<PathBuf>; 2])
     let color = read(color)?;
     let opacity = if same { None } else { read(opacity)? };
     Ok(match (color, opacity) {
-        // If a picture is its own opacity map, its alpha is the opacity.
+        // If a picture is its own opacity map, its alpha is used as the opacity.
         (Some(color), None) if same => color,
         (Some(mut color), None) => {
-            // Without a `map_d`, the picture's alpha is ignored.
+            // Without a `map_d`, the picture's alpha is not used.
             color.texels.iter_mut().for_each(|texel| texel[3] = 255);
             color
         }
@@ -143,7 +143,7 @@ fn parse(scene: &mut SceneFile, material: &str, text: &str) -> Result<TextureMap
     while let Some(option) = rest.strip_prefix('-') {
         let (name, arguments) = option.split_once(char::is_whitespace).unwrap_or((option, ""));
         rest = arguments.trim_start();
-        // The options -t (random distortion), -mm (contrast) and -imfchan (choice of a channel) only give a warning.
+        // The options -t (random distortion), -mm (contrast) and -imfchan (choice of a channel) only cause a warning.
         let most = match name {
             "o" | "s" | "t" => 3,
             "mm" => 2,
@@ -191,7 +191,7 @@ fn parse(scene: &mut SceneFile, material: &str, text: &str) -> Result<TextureMap
     Ok(map)
 }
 
-/// Adds `opacity` as alpha, sampled at the nearest texel if the pictures differ in size.
+/// Adds `opacity` as alpha. If the pictures differ in size, the nearest texel of `opacity` is used.
 fn with_opacity(mut color: Texels, opacity: &Texels) -> Texels {
     let alpha = opacity_channel(opacity);
     let [width, height] = [color.width as usize, color.height as usize];
@@ -204,7 +204,7 @@ fn with_opacity(mut color: Texels, opacity: &Texels) -> Texels {
     color
 }
 
-/// The function that gives a texel's opacity: its alpha, or its brightness if the picture's alpha is opaque everywhere.
+/// Selects the function that computes a texel's opacity: its alpha, or its brightness if the alpha is opaque in all texels.
 fn opacity_channel(picture: &Texels) -> fn([u8; 4]) -> u8 {
     if picture.texels.iter().any(|texel| texel[3] != 255) {
         |texel| texel[3]

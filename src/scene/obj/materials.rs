@@ -1,20 +1,20 @@
 //! Conversion of `.mtl` entries to materials.
 //!
-//! The format has no physical definition; it is interpreted as follows. Colours are linear, pictures are sRGB.
+//! The format has no physical definition, so krylux interprets it as follows. Colours are linear, and pictures are sRGB.
 //!
 //! | `.mtl` | material |
 //! |---|---|
-//! | none, or not defined in any library that is there | matte, 0.8 |
+//! | no material, or a material that no existing library defines | matte, 0.8 |
 //! | a map whose picture is missing or has a format that is not read | the material without the map |
-//! | a picture or library at an absolute path | the file of that name next to the scene |
-//! | `Kd`, `map_Kd` | base colour; `Kd` 0 with a `map_Kd` is the picture as it is, since nothing else would be seen of it |
+//! | a picture or library at an absolute path | the file with the same name next to the scene |
+//! | `Kd`, `map_Kd` | base colour; with `Kd` 0, a `map_Kd` has its full colours, because it would otherwise be black |
 //! | `Ks` with `illum` 2 or more (or no `illum`) | coat with reflectance `2 Ks ((n−1)/(n+1))²` at normal incidence: `Ks` 0.5 is plastic of `n` = 1.5, as exporters write it |
 //! | `Ks` with `Kd` 0 | metal with base colour `Ks` |
 //! | `Ns` | microfacet width `α = √(2/(Ns+2))` |
-//! | `Pr`, `Pm` | roughness and metallic, instead of the above |
+//! | `Pr`, `Pm` | roughness and metallic, which replace the values above |
 //! | `Ni` above 1 | index of refraction; 1.5 otherwise |
-//! | `Kd xyz` and the like | CIE XYZ, whose white is D65, as linear sRGB; a colour `spectral` is ignored with a warning |
-//! | `d` (also `-halo`), `Tr`, `map_d` | coverage; `Tr` 1 is full coverage, since nothing else would be seen |
+//! | `Kd xyz` and other colours with `xyz` | CIE XYZ, whose white is D65, as linear sRGB; a colour `spectral` is ignored with a warning |
+//! | `d` (also `-halo`), `Tr`, `map_d` | coverage; `Tr` 1 is full coverage, because the surface would otherwise be invisible |
 //! | `illum` 4, 6, 7, 9 with `Tf`, or with `d` 1 | solid smooth glass (an object's surface is closed), tinted by `Tf` at each crossing |
 //! | `Ke`, `map_Ke` | emission |
 //! | `norm` | normal map |
@@ -34,9 +34,9 @@ use crate::scene::{AlphaMode, Material, Texture, Volume};
 pub(super) struct ObjMaterials {
     pub list: Vec<Material>,
     pub textures: Vec<Texture>,
-    /// Index into `list`, for each index into [`Checked::materials`].
+    /// The index into `list` for each index into [`Checked::materials`].
     index_of: Vec<u32>,
-    /// Index of the default material, for faces without a material or with an undefined one.
+    /// The index of the default material, for faces without a material or with an undefined material.
     matte: u32,
     /// Copies of materials without their textures, for faces without texture coordinates.
     bare: HashMap<u32, u32>,
@@ -47,7 +47,7 @@ impl ObjMaterials {
         face.and_then(|face| self.index_of.get(face as usize).copied()).unwrap_or(self.matte)
     }
 
-    /// The material `material` without its textures, with a warning. In a strictly read scene, this is an error.
+    /// The material `material` without its textures, with a warning. If the scene is read strictly, this is an error.
     pub(super) fn without_textures(&mut self, material: u32, file: &mut SceneFile) -> Result<u32> {
         if let Some(&bare) = self.bare.get(&material) {
             return Ok(bare);
@@ -80,7 +80,7 @@ pub(super) fn load(checked: &Checked, file: &mut SceneFile) -> Result<ObjMateria
         }
         let bytes = file.read_other("mtllib", &library)?;
         for entry in entries(&library, &source::text(&bytes), file)? {
-            // A number sign in a name may begin a comment, or belong to the name.
+            // A number sign may begin a comment, or be a part of the name.
             let plain = without_comment(&entry.name);
             if plain != entry.name {
                 found.entry(plain.to_owned()).or_insert_with(|| entry.clone());
@@ -105,7 +105,7 @@ pub(super) fn load(checked: &Checked, file: &mut SceneFile) -> Result<ObjMateria
     Ok(ObjMaterials { list, textures: maps.textures, index_of, matte, bare: HashMap::new() })
 }
 
-/// The library files. A name may contain spaces, a line may have several names, and a comment may follow.
+/// Finds the library files. A name may contain spaces, a line may have several names, and a comment may follow.
 fn libraries(lines: &IndexSet<String>, scene: &SceneFile) -> Result<IndexSet<PathBuf>> {
     let mut files = IndexSet::new();
     let mut count = 0;
@@ -123,7 +123,7 @@ fn libraries(lines: &IndexSet<String>, scene: &SceneFile) -> Result<IndexSet<Pat
             files.insert(whole);
             count += 1;
         } else {
-            // Some writers put a backslash before the spaces of a name.
+            // Some exporters write a backslash before each space of a name.
             let line = without_comment(line).replace("\\ ", " ");
             for name in names(&line, |name| resolve(name).is_ok_and(|file| file.is_file())) {
                 files.insert(resolve(name)?);
@@ -138,14 +138,14 @@ fn libraries(lines: &IndexSet<String>, scene: &SceneFile) -> Result<IndexSet<Pat
     Ok(files)
 }
 
-/// The largest number of library names in a file. Each may be a large file, and the search for it tries many names.
+/// The largest number of library names in a file. Each library may be a large file, and the search for a library tries many names.
 const MAX_LIBRARIES: usize = 256;
 
 /// The largest number of words of a line that may form one name with spaces.
 const MAX_WORDS: usize = 64;
 
-/// Splits a line into names. A name is the longest sequence of words that names a file. If there is none, it ends at the first `.mtl`. The
-/// list stops at one name more than [`MAX_LIBRARIES`].
+/// Splits a line into names. A name is the longest sequence of words that names a file. If there is no such sequence, the name ends at the
+/// first `.mtl`. The list has at most one name more than [`MAX_LIBRARIES`].
 fn names(line: &str, is_file: impl Fn(&str) -> bool) -> Vec<&str> {
     let words: Vec<[usize; 2]> = line
         .split_whitespace()
@@ -173,7 +173,7 @@ fn names(line: &str, is_file: impl Fn(&str) -> bool) -> Vec<&str> {
 struct MtlEntry {
     name: String,
     colors: HashMap<String, Vec3>,
-    /// `Tr` is stored as `d`.
+    /// The numeric statements. `Tr` is stored as `d`.
     numbers: HashMap<String, f32>,
     maps: HashMap<String, String>,
 }
@@ -201,7 +201,7 @@ fn entries(path: &Path, text: &str, file: &mut SceneFile) -> Result<Vec<MtlEntry
 }
 
 impl MtlEntry {
-    /// Takes one statement. Returns whether it is supported.
+    /// Stores a statement. Returns whether it is supported.
     fn state(&mut self, line: &Line<'_>) -> Result<bool> {
         let keyword = line.keyword;
         let (keyword, number) = match keyword {
@@ -219,9 +219,9 @@ impl MtlEntry {
             }
             "Ns" | "Ni" => (keyword, not_negative(line)?),
             "Pr" | "Pm" => (keyword, fraction(line)?),
-            // With `-halo`, the number is the coverage of a surface seen face on.
+            // With `-halo`, the number is the coverage of a surface at normal incidence.
             "d" => ("d", fraction(&line.after("-halo").unwrap_or(*line))?),
-            // A material without any coverage would be invisible. Writers such as MeshLab mean full coverage by a `Tr` of 1.
+            // A material without any coverage would be invisible. Exporters such as MeshLab write a `Tr` of 1 for full coverage.
             "Tr" => match fraction(line)? {
                 1.0 => ("d", 1.0),
                 transparency => ("d", 1.0 - transparency),
@@ -230,7 +230,7 @@ impl MtlEntry {
                 model if (0.0..=10.0).contains(&model) && model.fract() == 0.0 => (keyword, model),
                 _ => return Err(line.fault("`illum` takes an integer from 0 to 10")),
             },
-            // Ambient colour has no counterpart here, and `sharpness` applies to environment maps only.
+            // Ambient colour is not supported, and `sharpness` applies to environment maps only.
             "Ka" | "map_Ka" | "sharpness" | "map_aat" => return Ok(true),
             _ => return Ok(false),
         };
@@ -247,7 +247,7 @@ fn is_spectral(line: &Line<'_>) -> bool {
 const XYZ_TO_RGB: Mat3 =
     Mat3::from_cols_array(&[3.2406, -0.9689, 0.0557, -1.5372, 1.8758, -0.2040, -0.4986, 0.0415, 1.0570]);
 
-/// A colour `r g b` or `xyz x y z`, or one number for all three channels. Negative sRGB components of a colour `xyz` become 0.
+/// Reads a colour: `r g b`, `xyz x y z`, or one number for all three channels. Negative sRGB components of an `xyz` colour become 0.
 fn color(line: &Line<'_>) -> Result<Vec3> {
     let xyz = line.after("xyz");
     let line = xyz.as_ref().unwrap_or(line);
@@ -283,7 +283,7 @@ fn convert(entry: &MtlEntry, maps: &mut Maps, file: &mut SceneFile) -> Result<Ma
     let map = |keyword: &str| entry.maps.get(keyword).map(String::as_str);
     let (metallic, model) = (number("Pm"), number("illum").map(|model| model as u8));
     let diffuse = clamped("Kd").unwrap_or(Vec3::splat(0.8));
-    // Nothing would be visible of a picture in black. Writers mean the picture as it is.
+    // A black base colour would hide the picture. Exporters expect the picture's full colours in this case.
     let diffuse = if map("map_Kd").is_some() && diffuse == Vec3::ZERO { Vec3::ONE } else { diffuse };
     let shiny = model.is_none_or(|model| model >= 2);
     let specular = clamped("Ks").filter(|_| shiny).unwrap_or(Vec3::ZERO);
@@ -308,7 +308,7 @@ fn convert(entry: &MtlEntry, maps: &mut Maps, file: &mut SceneFile) -> Result<Ma
         base_color: diffuse,
         roughness,
         metallic: metallic.unwrap_or(0.0),
-        // Exporters write an index of 1 if they do not know it.
+        // Exporters write an index of 1 if they do not know the index.
         ior: number("Ni").filter(|ior| *ior > 1.0).unwrap_or(1.5),
         emission: color("Ke").unwrap_or(Vec3::ZERO),
         ..Material::default()

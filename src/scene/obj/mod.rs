@@ -1,6 +1,6 @@
 //! Loads Wavefront `.obj` files with `.mtl` libraries.
 //!
-//! | statement | here |
+//! | statement | treatment |
 //! |---|---|
 //! | `v`, `vt`, `vn`, `f` | triangles; faces with more corners, convex or not, are split in the plane that fits them best |
 //! | `v` with three more numbers | linear vertex colours |
@@ -31,7 +31,7 @@ use crate::error::{Error, Result};
 use polygon::Triangulator;
 use statements::Checked;
 
-/// The share of reading the file in the whole work of loading it.
+/// The estimated fraction of the loading time that is spent on reading the file.
 const READING: f32 = 0.5;
 
 /// Loads an `.obj` file; see [`crate::scene::load_with`].
@@ -41,7 +41,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let (watcher, mut lines, mut read) = (options.watcher, 0_usize, 0_usize);
     statements::statements(path, &source::text(&bytes), |line| {
         lines += 1;
-        // The sum includes one blank and the end of the line.
+        // The sum includes a blank after the keyword and the end of the line.
         read += line.keyword.len() + line.rest.len() + 2;
         watcher.count(lines, || READING * (read as f32 / bytes.len() as f32).min(1.0))?;
         checked.statement(line, &mut file)
@@ -74,7 +74,7 @@ fn place(path: &Path, checked: &Checked, camera: Option<&Posed>) -> Result<Place
     Ok(place)
 }
 
-/// The cameras that the camera file states. Without a camera, krylux may place one if the options say so.
+/// The cameras that the camera file states. If it states no camera, krylux may place one, depending on the options.
 fn cameras(options: &LoadOptions<'_>, given: Option<Cameras>, file: &mut SceneFile) -> Result<Cameras> {
     if let Some(name) = options.camera {
         return Err(file
@@ -169,7 +169,7 @@ struct Face {
     pub material: Option<u32>,
 }
 
-/// Iterates over the faces in the order of the file, in coordinates with their origin at `origin`.
+/// Iterates over the faces in the order of the file. The coordinates have their origin at `origin`.
 fn faces(checked: &Checked, origin: DVec3) -> impl Iterator<Item = Face> + '_ {
     let runs = checked.runs.iter().flat_map(|run| std::iter::repeat_n(run, run.faces));
     let mut first = 0;

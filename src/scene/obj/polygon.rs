@@ -4,29 +4,30 @@ use earcut::Earcut;
 use earcut::utils3d::project3d_to_2d;
 use glam::Vec3;
 
-/// The largest share of a polygon's area that rounding may remove or add. For a polygon that crosses itself, the difference is larger.
+/// The largest fraction of a polygon's area that rounding may remove or add. If a polygon crosses itself, the difference is larger.
 const ROUNDING: f64 = 1e-6;
 
-/// The largest number of corners that are left to earcut, which takes more than quadratic time on polygons that cross themselves.
+/// The largest number of corners that are left to earcut. Its run time grows more than quadratically for polygons that cross themselves.
 const MAX_EARCUT: usize = 128;
 
-/// The largest average number of corners examined per corner while ears are cut off. It keeps the work proportional to the file.
+/// The largest number of corners that are examined while ears are cut off, divided by the number of corners of the polygon. This limit
+/// keeps the run time proportional to the size of the file.
 const MAX_LOOKS: usize = 1 << 11;
 
-/// Splits polygons and reuses its buffers.
+/// Splits polygons. One triangulator can be used for many polygons, so that buffers are reused.
 #[derive(Default)]
 pub(super) struct Triangulator {
     earcut: Earcut<f64>,
     points: Vec<[f64; 3]>,
-    /// The corners in the plane that fits the polygon best, counter-clockwise.
+    /// The corners, counter-clockwise, projected onto the plane that fits the polygon best.
     flat: Vec<[f64; 2]>,
     indices: Vec<u32>,
-    /// The number of polygons that cross themselves or have no area. Their triangles may not cover them.
+    /// The number of polygons that cross themselves or have no area. Their triangles may not cover them exactly.
     pub(super) unclear: usize,
 }
 
 impl Triangulator {
-    /// The triangles of a polygon with at least three corners, as indices of its corners and with its orientation.
+    /// Splits a polygon with at least three corners. The triangles are indices of its corners and have its orientation.
     pub(super) fn split(&mut self, corners: impl IntoIterator<Item = Vec3>) -> Vec<[usize; 3]> {
         self.points.clear();
         self.points.extend(corners.into_iter().map(|corner| corner.as_dvec3().to_array()));
@@ -38,7 +39,7 @@ impl Triangulator {
             self.unclear += 1;
             return fan;
         }
-        // A convex quad keeps the diagonal at its first corner. A fan of more corners would consist of slivers.
+        // A convex quad keeps the diagonal at its first corner. With more corners, a fan would consist of slivers.
         if fan.len() == 2 && fan.iter().all(|&triangle| self.area(triangle) > 0.0) {
             return fan;
         }
@@ -67,7 +68,7 @@ impl Triangulator {
         triangles.collect()
     }
 
-    /// Cuts ears off a large polygon until few corners are left, or no ear is found. Returns the remaining corners.
+    /// Cuts off ears of a large polygon until few corners are left, or no ear is found. Returns the remaining corners.
     fn cut_ears(&mut self) -> Vec<usize> {
         let count = self.flat.len();
         if count <= MAX_EARCUT {
@@ -77,7 +78,7 @@ impl Triangulator {
         let ear = |around: &[[usize; 2]], at: usize| [around[at][0], at, around[at][1]];
         let mut is_left = vec![true; count];
         let x = |corner: usize| self.flat[corner][0];
-        // Only reflex corners can lie in an ear. They are sorted by x, so that few are examined.
+        // Only reflex corners can lie inside an ear. They are sorted by x, so that few of them are examined.
         let mut reflex: Vec<_> = (0..count).filter(|&at| self.area(ear(&around, at)) <= 0.0).collect();
         reflex.sort_by(|&a, &b| x(a).total_cmp(&x(b)));
         let (mut at, mut left, mut since, mut looks) = (0, count, 0, MAX_LOOKS.saturating_mul(count));
@@ -95,7 +96,7 @@ impl Triangulator {
                     let blocks = is_left[other] && self.contains([before, at, after], other);
                     blocks && self.area(ear(&around, other)) <= 0.0
                 });
-            // A corner on a straight line is not an ear. It is removed when nothing else can be removed.
+            // A corner on a straight line is not an ear. It is removed when no other corner can be removed.
             let is_cut = area > 0.0 && !is_blocked;
             if is_cut || (area == 0.0 && since >= left) {
                 (around[before][1], around[after][0], is_left[at]) = (after, before, false);
@@ -107,7 +108,8 @@ impl Triangulator {
                 if left.is_power_of_two() {
                     reflex.retain(|&other| is_left[other]);
                 }
-                // The next corner is skipped, so that a convex part does not become slivers. Where ears are rare, the search goes back.
+                // The next corner is skipped, so that convex parts are not cut into slivers. If ears are rare, the search goes back
+                // instead.
                 at = if is_narrow { before } else { around[after][1] };
             } else {
                 (since, at) = (since + 1, after);
@@ -117,7 +119,7 @@ impl Triangulator {
         std::iter::successors(Some(at), |&at| Some(around[at][1])).take(left).collect()
     }
 
-    /// Whether the corner `other` lies in the triangle of other corners, and not at the triangle's first corner.
+    /// Whether the corner `other` lies in a triangle of other corners, but not at the triangle's first corner.
     fn contains(&self, triangle: [usize; 3], other: usize) -> bool {
         let [a, b, c] = triangle;
         !triangle.contains(&other)
@@ -125,7 +127,7 @@ impl Triangulator {
             && [[a, b], [b, c], [c, a]].iter().all(|&[from, to]| self.area([from, to, other]) >= 0.0)
     }
 
-    /// Projects the polygon onto its plane, near the origin and with a size of about 1. Returns `false` if it has no plane.
+    /// Projects the polygon onto its plane, near the origin and scaled to a size of about 1. Returns `false` if the polygon has no plane.
     fn flatten(&mut self) -> bool {
         let first = self.points[0];
         for point in &mut self.points {

@@ -12,7 +12,7 @@ use crate::scene::triangle::{MAX_TRIANGLES, Triangle};
 
 pub(super) const UNNAMED: &str = "unnamed";
 
-/// One statement, with continued lines joined.
+/// A statement. Continuation lines are joined.
 #[derive(Clone, Copy)]
 pub(super) struct Line<'a> {
     pub path: &'a Path,
@@ -21,7 +21,7 @@ pub(super) struct Line<'a> {
     pub rest: &'a str,
 }
 
-/// One more than the largest number of numbers in a statement.
+/// The largest number of numbers in a statement, plus one.
 const MAX_NUMBERS: usize = 8;
 
 pub(super) struct Arguments {
@@ -75,13 +75,13 @@ impl<'a> Line<'a> {
         format!("line {} of {}", self.number, file.display())
     }
 
-    /// The line without its first argument, if that is `word`.
+    /// The line without its first argument, if this argument is `word`.
     pub(super) fn after(&self, word: &str) -> Option<Self> {
         let rest = self.rest.strip_prefix(word)?;
         rest.starts_with(char::is_whitespace).then(|| Self { rest: rest.trim_start(), ..*self })
     }
 
-    /// The arguments before a comment.
+    /// The arguments up to a comment.
     pub(super) fn words(&self) -> impl Iterator<Item = &'a str> + use<'a> {
         self.rest.split_whitespace().take_while(|word| !word.starts_with('#'))
     }
@@ -214,7 +214,7 @@ impl Checked {
         };
         let mut position = DVec3::ZERO;
         for (axis, word) in line.words().take(3).enumerate() {
-            // These words are numbers, as was checked above.
+            // The words have been checked above to be numbers.
             position[axis] = word.parse().unwrap_or_default();
         }
         self.vertices.push((position, color));
@@ -246,8 +246,8 @@ impl Checked {
         Ok(())
     }
 
-    /// Reads a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`, as indices counted from 1. References to texture coordinates and normals that the
-    /// file does not have are dropped with a warning, because some exporters omit these but still count them.
+    /// Reads a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`, as indices counted from 1. Some exporters omit texture coordinates and normals but
+    /// still refer to them. Such references are dropped with a warning.
     fn corner(&self, line: &Line<'_>, word: &str, file: &mut SceneFile) -> Result<[u32; 3]> {
         let counts = [self.vertices.len(), self.texcoords.len(), self.normals.len()];
         let mut found = [0; 3];
@@ -276,7 +276,7 @@ impl Checked {
     }
 }
 
-/// The number of the element that an index refers to. The index counts from 1, or backwards from −1; the result counts from 1.
+/// Converts an index to the number of the element, counted from 1. The index counts from 1, or backwards from −1.
 fn existing(index: i64, count: usize) -> Option<u32> {
     let count = i64::try_from(count).ok()?;
     let index = if index < 0 { count + 1 + index } else { index };
