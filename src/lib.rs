@@ -90,8 +90,8 @@
 //!
 //! # The rooms
 //!
-//! Each module imports only modules below it, so data flows one way. This is the complete list, from the top down; a test compares it with
-//! the sources.
+//! Each module imports only modules below it, so data flows one way. The list is complete, from the top down; a test compares it with the
+//! code.
 //!
 //! <!-- rooms: begin -->
 //! ```text

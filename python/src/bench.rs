@@ -24,8 +24,7 @@ fn rig(py: Python<'_>, source: Request) -> PyResult<RigSource> {
     work::detached(py, || builder.open_uncalibrated_rig())
 }
 
-/// Sends a request to a rig or to the attached devices. Returns the attributes of the answer. For an alignment, these are a list with one
-/// entry per round.
+/// Sends a request to a rig or to the attached devices. Returns the attributes of the answer; for an alignment, those of each round.
 #[pyfunction]
 pub(crate) fn ask_rig<'py>(
     py: Python<'py>,

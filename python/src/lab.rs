@@ -31,8 +31,7 @@ pub(crate) struct Lab {
 /// A laboratory that goes out of scope completes the record of its run, as if it were closed.
 impl Drop for Lab {
     fn drop(&mut self) {
-        // An error is ignored, since no caller is left. The interpreter's lock is released, since a thread that works with an operator may
-        // need it.
+        // An error is ignored, since no caller is left. Another thread that works with an operator may need the interpreter's lock.
         let _ = Python::try_attach(|py| work::detached(py, || self.end()));
     }
 }

@@ -78,8 +78,7 @@ pub(crate) fn note_process() {
     IMPORTED_BY.get_or_init(std::process::id);
 }
 
-/// Runs `body` in a thread pool that exists in this process. A forked child has none of its parent's threads, and would wait for them
-/// forever, so it gets its own pool.
+/// Runs `body` in a thread pool of this process. A forked child has none of its parent's threads, and would wait for them forever.
 fn in_pool<T: Send>(body: impl FnOnce() -> T + Send) -> T {
     let process = std::process::id();
     if IMPORTED_BY.get() == Some(&process) {
@@ -91,8 +90,7 @@ fn in_pool<T: Send>(body: impl FnOnce() -> T + Send) -> T {
             Some((_, pool)) => Ok(Arc::clone(pool)),
             None => rayon::ThreadPoolBuilder::new().build().map(|pool| {
                 let pool = Arc::new(pool);
-                // An earlier pool is forgotten, not joined. In a child of a child, it belongs to the parent, and its threads do not exist
-                // here.
+                // In a child of a child, the earlier pool belongs to the parent, and its threads do not exist here. It must not be joined.
                 std::mem::forget(known.replace((process, Arc::clone(&pool))));
                 pool
             }),
@@ -105,8 +103,7 @@ fn in_pool<T: Send>(body: impl FnOnce() -> T + Send) -> T {
     }
 }
 
-/// A value that threads use in turns until it is taken away. It belongs to the process that created it. A forked child neither uses nor
-/// closes it.
+/// A value that threads use in turns until it is taken away. It belongs to the process that created it; a forked child leaves it alone.
 pub(crate) struct Held<T> {
     kept: Mutex<Option<T>>,
     process: u32,

@@ -160,8 +160,7 @@ impl Observer for Console {
     fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
         self.progress().step(step);
         if step.stage == "loading" {
-            // The check is not recorded here. Files may be read for long between two of these steps, so the first Ctrl-C must still end the
-            // program.
+            // The check is not recorded here. Files may be read for long between these steps, so the first Ctrl-C must end the program.
             return self.is_interrupted();
         }
         self.check()

@@ -70,8 +70,7 @@ fn program() -> String {
     format!("krylux {}{digest}", env!("CARGO_PKG_VERSION"))
 }
 
-/// Fails in the first of several processes. Without MPI, each process would do the same work and write the same files. The error explains
-/// this.
+/// Fails in the first of several processes and explains the reason: without MPI, each would do the same work and write the same files.
 #[cfg(not(feature = "mpi"))]
 fn joined() -> Result<Role> {
     let number = |of: &str| {

@@ -23,7 +23,7 @@ impl RigSource {
 
     /// The folder of a calibration for which no folder is named. The candidates are [`Self::calibration_folder`] and the same name with
     /// `-2`, `-3`, … The first unused candidate is returned, so that an earlier calibration stays unchanged. If the last used candidate is
-    /// unfinished, it is returned instead, to be resumed or replaced. Otherwise, if `again` is true, the folder that the rig file names is
+    /// unfinished, it is returned instead, to be resumed or replaced. Otherwise, if `again` is true, the folder in the rig file is
     /// returned.
     pub fn next_calibration_folder(&self, again: bool) -> PathBuf {
         let named = self.calibration_folder();

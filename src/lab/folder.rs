@@ -20,15 +20,14 @@ use crate::measure::RunManifest;
 pub struct RunOptions {
     /// The folder. If it is `None`, the first unused name of `out/NAME`, `out/NAME-2`, … is taken.
     pub folder: Option<PathBuf>,
-    /// Allows a folder that holds an earlier run. When the new run is complete, the photos of the earlier run are deleted, unless that
-    /// earlier run is the source.
+    /// Allows a folder that holds an earlier run. Its photos are deleted when the new run is complete, unless the earlier run is the
+    /// source.
     pub overwrite: bool,
     /// Continues the run in the folder: a photo in its journal is not taken again.
     pub resume: bool,
 }
 
-/// An open run. Its folder exists, is writable and is locked before any work starts. The status in its record is `running` until the run
-/// ends.
+/// An open run. Its folder exists, is writable and is locked before any work starts. Its record has the status `running` until the end.
 pub struct RunFolder {
     /// The folder.
     pub path: PathBuf,
@@ -50,8 +49,7 @@ enum Start {
     Fresh,
     /// The folder of another run. The other run is put back if this run fails without photos.
     Replaces(Replaced),
-    /// The folder of the run that is the source of this run. It stays unchanged until there is an answer. Further questions may take
-    /// `photos_allowed` photos.
+    /// The source of this run, unchanged until there is an answer. Further requests may take `photos_allowed` photos.
     Beside { photos_allowed: Option<usize> },
 }
 
@@ -258,8 +256,8 @@ fn holds_run(path: &Path) -> bool {
     path.join(RECORD).exists() || Journal::is_in(&journal_folder(path)) || model::is_in(path)
 }
 
-/// Locks the folder itself, so that only one run at a time uses it. On a file system without such locks, the journal's lock still protects
-/// the photos.
+/// Locks the folder itself, so that only one run at a time uses it. If the file system has no locks, the journal's lock protects the
+/// photos.
 pub(super) fn lock(path: &Path) -> Result<Option<File>> {
     let Ok(folder) = File::open(path) else { return Ok(None) };
     // The lock of a killed process may outlive it for a moment.

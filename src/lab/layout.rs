@@ -42,8 +42,7 @@ pub(super) fn short_name(path: &Path) -> String {
     }
 }
 
-/// Opens the journal of a run, and reports the state of a journal that already exists. Fails as [`Journal::create`] and
-/// [`Journal::resume`].
+/// Opens the journal of a run, and reports the state of an existing journal. Fails as [`Journal::create`] and [`Journal::resume`].
 pub(super) fn open_journal(
     run: &Path,
     identity: &Identity,

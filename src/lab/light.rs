@@ -61,15 +61,15 @@ impl Lab {
         Ok(self.transport.insert(transport))
     }
 
-    /// Refuses a rig that does not see its projector. Also refuses an uncalibrated rig whose light is not proportional to the projected
-    /// levels and the camera's counts. Such a rig would give wrong answers without a warning. An audit is not refused, since it finds these
+    /// Refuses a rig that does not see its projector, and an uncalibrated rig whose light is not proportional to the projected levels and
+    /// the camera's counts. The answers of such a rig would be wrong without a warning. An audit may use it, since an audit finds these
     /// faults.
     fn trusted(&self, mut transport: LightTransport) -> Result<LightTransport> {
         let Some(measured) = transport.rig().filter(|_| !self.audits) else { return Ok(transport) };
         measured.measurement.sight()?.require()?;
         let is_tested = matches!(&self.source, Source::Rig(rig) if !rig.is_calibrated);
         match measured.measurement.check_pattern(!is_tested) {
-            // The examination photographs white again after the same patterns. A replayed run has this photo in its journal, but an old run
+            // The examination photographs white again after the same patterns. A replayed run has this photo in its journal; an old run
             // lacks it.
             Err(Error::NotTaken { .. }) => {}
             map => {
@@ -119,8 +119,7 @@ impl Lab {
         self.reference_operators(part)?.into_iter().map(white).collect()
     }
 
-    /// The traced matrix, shared and not copied. Returns `None` if photos are not products with a traced matrix. Fails as
-    /// [`Lab::operator`].
+    /// The traced matrix, shared and not copied; `None` if photos are not products with a traced matrix. Fails as [`Lab::operator`].
     pub fn assembled(&mut self) -> Result<Option<Arc<Assembled>>> {
         Ok(lock(self.transport()?).assembled().cloned())
     }
@@ -155,9 +154,8 @@ impl Lab {
     }
 
     /// The expected norm `‖E‖_F / √n` of the error in a product of `part` with a vector of norm 1, in the first channel. The error is due
-    /// to the noise of a traced matrix. It is also known for a run of a scene. Returns `None` if no matrix was traced: the operators of a
-    /// rig state the errors of their products ([`Operator::standard_errors`]), and explicit matrices have no errors. Fails as
-    /// [`Lab::operator`].
+    /// to the noise of a traced matrix, also in a run of a scene. Returns `None` if no matrix was traced: the operators of a rig state the
+    /// errors of their products ([`Operator::standard_errors`]), and explicit matrices have no errors. Fails as [`Lab::operator`].
     pub fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
         lock(self.transport()?).product_noise(part)
     }

@@ -103,8 +103,7 @@ pub struct Lab {
     sheet: Arc<Mutex<ContactSheet>>,
     kept_truth: Option<Truth>,
     keeps_photos: bool,
-    /// Whether the request examines the faults of a rig. If so, a rig is accepted even if it does not see its projector, or if its light is
-    /// not proportional to the pattern.
+    /// Whether the request examines the faults of a rig. A rig is then accepted even if its light is not seen or not proportional.
     audits: bool,
     run: Option<RunFolder>,
     /// Findings about the rig from the photos of the last verb.
@@ -135,8 +134,7 @@ impl Lab {
         LabBuilder::of_matrix(matrix, name.into())
     }
 
-    /// A laboratory around a rig whose file a program wrote. `text` is the content of the file, and a run keeps it. `name` replaces the
-    /// file's path.
+    /// A laboratory around a rig whose file a program wrote. A run keeps `text`, the content of the file. `name` replaces the file's path.
     pub fn builder_of_rig(name: impl AsRef<Path>, text: impl Into<String>) -> LabBuilder {
         LabBuilder::of_rig(name.as_ref(), text.into())
     }
@@ -216,8 +214,7 @@ impl Lab {
         &self.observer
     }
 
-    /// The number of photos that the source's run was allowed to take, if the run was completed. It is the default budget of later
-    /// requests.
+    /// The number of photos that the source's run was allowed to take, if the run was completed: the default budget of later requests.
     pub fn photos_of_run(&self) -> Option<usize> {
         match &self.source {
             Source::Run(run) => run.photos,
@@ -262,8 +259,7 @@ impl Lab {
         }
     }
 
-    /// The standard deviation, in pixels, of the blur of patterns and photos. It is above 0 if a rig's camera has too few pixels to do
-    /// without.
+    /// The standard deviation, in pixels, of the blur of patterns and photos for a rig whose camera has too few pixels; 0 for no blur.
     pub(crate) fn blur(&self) -> f64 {
         self.source.blur()
     }

@@ -11,8 +11,7 @@ use crate::operator::{Adjoint, Direction, Operator, Symmetry};
 use crate::report::contact_sheet::ContactSheet;
 use crate::transport::Part;
 
-/// `y = P x` for one part `P` and one channel of the light transport matrix. Each product is one photo, which is computed, traced, or
-/// taken.
+/// `y = P x` for one part `P` and one channel of the light transport matrix. Each product is one photo: computed, traced, or taken.
 ///
 /// The operator shares ownership of the light transport, so it can outlive the laboratory and move to another thread. Only one operator of
 /// a laboratory works at a time. With a folder, the journal keeps each product before the product is returned, and no photo is taken twice.
@@ -25,8 +24,7 @@ pub struct LabOperator {
     /// The record of photos for the report. It is `None` if the products are not photos of the run.
     sheet: Option<Arc<Mutex<ContactSheet>>>,
     photos: usize,
-    /// Whether products only confirm an answer. Such products cost nothing and do not count as photos. A model from other photos cannot
-    /// compute them.
+    /// Whether products only confirm an answer. Such products cost nothing, do not count as photos, and cannot be computed by a model.
     is_confirming: bool,
     /// The standard errors of the products of the last call. The list is empty if the source does not know them.
     errors: Vec<f64>,

@@ -1,8 +1,7 @@
 //! Storage of a run that a new run replaces. The old run is kept until the new run is complete.
 //!
-//! The old run is moved into `earlier-N.moving`. When the record of the new run names `earlier-N`, the folder is renamed to `earlier-N`. If
-//! the program is killed in between, the next run in the folder completes the move if the record names `earlier-N`, and otherwise undoes
-//! it.
+//! The old run is moved into `earlier-N.moving`, which is renamed to `earlier-N` when the record of the new run names it. If the program is
+//! killed in between, the next run in the folder completes the move if the record names `earlier-N`, and otherwise undoes the move.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -28,8 +27,7 @@ pub(super) struct Replaced {
 }
 
 impl Replaced {
-    /// Moves the run aside: its photos, model, report, record, and the files that the record lists. On [`Error::Write`], everything is
-    /// moved back.
+    /// Moves the run aside: its photos, model, report, record, and the listed files. On [`Error::Write`], everything is moved back.
     pub(super) fn move_aside(run: &Path) -> Result<Self> {
         let is_free =
             |name: &String| [name, &format!("{name}{MOVING}")].iter().all(|name| !is_there(&run.join(name)));
@@ -117,8 +115,7 @@ impl Replaced {
     }
 }
 
-/// Moves all entries of one folder into another, and removes the first folder. Each entry replaces the entry of the same name. The record
-/// is moved last.
+/// Moves all entries of one folder into another, the record last, and removes the first folder. An entry replaces one of the same name.
 pub(super) fn move_all(from: &Path, to: &Path) -> Result<()> {
     let entries = fs::read_dir(from).map_err(Error::reading(from))?.flatten();
     let mut names: Vec<_> = entries.map(|entry| entry.file_name()).collect();

@@ -13,8 +13,7 @@ use crate::journal::Journal;
 use crate::operator::Product;
 use crate::transport::Channels;
 
-/// The low-rank model of the run in a folder. It is the model that the run saved, or else a model made from all photos of the run. No photo
-/// is taken.
+/// The low-rank model of the run in a folder, either saved by the run or made from all photos of the run. No photo is taken.
 ///
 /// # Errors
 /// [`Error::Data`] if the folder has neither a model nor photos; [`Error::Journal`] if the photos do not suffice.
@@ -25,8 +24,7 @@ pub fn open_model(folder: &Path, observer: &SharedObserver) -> Result<SavedModel
     from_photos(&run_with_photos(folder)?, observer)
 }
 
-/// The channels of the model that [`open_model`] returns, and the resolutions of its photos and patterns. [`Error::Data`] if there is no
-/// model.
+/// The channels of the model that [`open_model`] returns, and the resolutions of its photos and patterns. [`Error::Data`] without a model.
 pub(crate) fn model_shape(folder: &Path) -> Result<(Channels, [Resolution; 2])> {
     if model::is_in(folder) {
         let model = SavedModel::read(folder)?;
@@ -37,8 +35,7 @@ pub(crate) fn model_shape(folder: &Path) -> Result<(Channels, [Resolution; 2])> 
 }
 
 impl Lab {
-    /// The low-rank model of the light transport. It is the model that the run saved, or else a model made from all photos of the run. No
-    /// photo is taken.
+    /// The low-rank model of the light transport, either saved by the run or made from all photos of the run. No photo is taken.
     ///
     /// # Errors
     /// [`Error::Data`] if the source is not the folder of a run; [`Error::Journal`] if the photos of the run do not suffice.

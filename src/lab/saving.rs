@@ -59,8 +59,7 @@ impl Lab {
         self.finish(answer)
     }
 
-    /// All findings: those about the answer, and those about the rig that the photos show. They determine the colour of the report page and
-    /// the exit status.
+    /// All findings about the answer, and about the rig that took its photos. They determine the colour of the page and the exit status.
     pub fn findings_of(&self, answer: &(impl Answer + ?Sized)) -> Vec<Finding> {
         let mut all = self.findings.clone();
         merge(&mut all, answer.findings());
@@ -107,8 +106,7 @@ impl Lab {
         })
     }
 
-    /// Ends the open run, if there is one, for a verb that leaves no report. `photos` is the number of photos of the run. Fails with
-    /// [`Error::Write`].
+    /// Ends the open run, if any, for a verb that leaves no report. `photos` is the run's number of photos. Fails with [`Error::Write`].
     pub fn end_run(&mut self, photos: usize, message: &str) -> Result<()> {
         let Some(mut run) = self.run.take() else { return Ok(()) };
         run.manifest.photos = photos as u64;

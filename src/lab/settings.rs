@@ -144,8 +144,7 @@ impl From<Channels> for ChannelChoice {
 /// The place where matrices are kept for later runs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum CacheChoice {
-    /// The folder in the environment variable `KRYLUX_CACHE`, or `krylux` in the user's cache folder without it. There is no cache if the
-    /// variable is empty.
+    /// The folder in the environment variable `KRYLUX_CACHE` (none if it is empty), or by default `krylux` in the user's cache folder.
     #[default]
     Default,
     /// Matrices are not kept.
@@ -272,7 +271,7 @@ impl TraceOverrides {
         TraceSettings { seed, ..self.over(TraceSettings::new(Resolution::new(128, 128), 64)) }
     }
 
-    /// The settings for the scene of a virtual rig whose file contains `settings`. The seed of the file is used, so equal devices see equal
+    /// The settings for the scene of a virtual rig whose file contains `settings`. The file's seed is used, so equal devices see equal
     /// scenes.
     pub fn for_rig(&self, settings: TraceSettings) -> TraceSettings {
         self.over(settings)

@@ -74,8 +74,8 @@ fn a_sheet_tells_the_vignetting_of_both_devices() -> Result<()> {
     Ok(())
 }
 
-/// The corners of the projector have 0.9 of the light at its centre. For the camera, this factor is 0.85. If the vignetting of one device
-/// is ignored, the error is a tenth.
+/// The corners of the projector have 0.9 of the light at its centre; for the camera, this factor is 0.85. Ignoring either gives an error of
+/// a tenth.
 #[test]
 fn white_and_direct_light_are_those_of_even_devices() -> Result<()> {
     let exact = traced(builtin::zigzag().to_scene(), 24)?;
@@ -136,8 +136,7 @@ fn a_camera_as_coarse_as_the_projector_is_registered_to_a_part_of_a_pixel() -> R
     let [x, y] = lens.to_projector([24.0, 24.0]);
     assert!((x - 24.3).abs() < 0.03 && (y - 24.4).abs() < 0.03, "{x} {y}");
     let white = error(&mut rig, &mut exact, Part::Full)?;
-    // The error with Gray codes was 0.1. They gave a pixel map as if the camera saw nothing outside the lit area. The remaining error is
-    // noise.
+    // The remaining error is noise. With Gray codes it was 0.1, because they gave a pixel map of a camera that sees only the lit area.
     assert!(white < 0.06, "{white}");
     Ok(())
 }
@@ -172,9 +171,8 @@ fn a_rig_whose_light_is_not_in_proportion_is_refused_until_it_is_calibrated() ->
     Ok(())
 }
 
-/// The camera is aligned with the projector, and has 2 or 2.5 pixels for each pixel of the projector. Its pixels at the border of the lit
-/// area see a trace of unlit projector pixels (calibrated), or half of a neighbour (ideal). These pixels once caused an index of 0.0 to
-/// 0.23.
+/// The camera is aligned with the projector, and has 2 or 2.5 pixels per projector pixel. At the border of the lit area, its pixels see a
+/// trace of unlit projector pixels (calibrated), or half of a neighbour (ideal). These pixels once caused an index of 0.0 to 0.23.
 #[test]
 fn an_aligned_camera_finds_the_groups_at_silhouettes_too() -> Result<()> {
     let exact = traced(builtin::zigzag().to_scene(), 24)?;

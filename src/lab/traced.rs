@@ -63,8 +63,7 @@ pub(super) fn at(observer: &SharedObserver, share: f32) -> Result<()> {
     if told(observer, share).is_break() { Err(Error::Interrupted) } else { Ok(()) }
 }
 
-/// Tells the observer the loaded share of a scene. It is 0 at the start, [`READING`] after the files, and 1 after the search tree. Returns
-/// whether to continue.
+/// Tells the observer the loaded share of a scene: 0, [`READING`] after the files, 1 after the search tree. Returns whether to continue.
 fn told(observer: &SharedObserver, share: f32) -> ControlFlow<()> {
     let done = (100.0 * share) as u64;
     observer.0.step(&Step { stage: "loading", done, total: 100, estimate: Estimate::None })

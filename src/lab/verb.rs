@@ -43,8 +43,7 @@ impl GivenArray {
     }
 }
 
-/// A request to a laboratory. It is a struct, and its documented fields are the command line options, the Python keywords, and the record
-/// of the request in `run.json`.
+/// A request to a laboratory: a struct whose documented fields are command line options, Python keywords, and the record in `run.json`.
 pub trait Verb: Serialize {
     /// The name of the verb, which is part of the default name of the run's folder.
     const NAME: &'static str;
@@ -132,7 +131,7 @@ pub trait Answer {
 pub struct Verified {
     /// The accuracy of the predicted photos.
     pub verification: Verification,
-    /// Estimates of the scene's eigenvalues, for eigenpairs and segmentations. The first eigenvalue of a segmentation is known and is left
+    /// Estimates of the scene's eigenvalues, for eigenpairs and segmentations. For a segmentation, the first eigenvalue is known and left
     /// out.
     pub estimates: Vec<EigenpairEstimate>,
     /// The distance of a compensation from its target.
@@ -163,8 +162,7 @@ pub struct Saved {
 }
 
 impl Lab {
-    /// Answers a request, and stores the request in the record of the open run. Fails as [`Verb::check`], [`Verb::check_on`] and
-    /// [`Verb::answer`].
+    /// Answers a request, and records it in the open run. Fails as [`Verb::check`], [`Verb::check_on`] and [`Verb::answer`].
     pub fn ask<V: Verb>(&mut self, request: &V) -> Result<V::Answer> {
         request.check()?;
         request.check_on(self)?;

@@ -187,8 +187,7 @@ impl<'a> Canvas<'a> {
 
     /// The number of changed pixels whose update takes about as long as a full product.
     pub fn pixels_of_a_product(&self) -> usize {
-        // A changed pixel takes more time than its share of a full product, because a full product is parallel and reads its entries in
-        // order.
+        // A single pixel takes more time than its share of a full product, which is parallel and reads its entries in order.
         if self.layers.is_empty() { 0 } else { self.projector().pixels() / 4 }
     }
 
@@ -207,8 +206,8 @@ impl<'a> Canvas<'a> {
         })
     }
 
-    /// The light from each projector pixel to one camera pixel. It is a row of the matrix, a dual photograph. `None` if photos in the other
-    /// direction are not possible.
+    /// The light from each projector pixel to one camera pixel: a row of the matrix, and a dual photograph. `None` if the devices cannot be
+    /// exchanged.
     pub fn row(&mut self, light: Light, pixel: usize) -> Result<Option<Planes>> {
         let projector = self.projector().pixels();
         if !self.layers.is_empty() {

@@ -356,8 +356,8 @@ pub(super) fn thinned(layers: &[(Light, Columns)], share: f64) -> Vec<(Light, Co
     if share >= 1.0 {
         return layers.to_vec();
     }
-    // All channels have entries at the same positions. The size of an entry is its largest value over the channels, each channel relative
-    // to its largest entry.
+    // All channels have entries at the same positions. The size of an entry is the largest over the channels, each scaled by its largest
+    // entry.
     let channels = layers.first().map_or(0, |(_, columns)| columns.channels().len());
     let largest = |channel: usize| {
         layers.iter().map(|(_, columns)| scale_of(&columns.channels()[channel])).fold(0.0, f64::max)

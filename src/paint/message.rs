@@ -218,8 +218,7 @@ impl Mailbox {
         self.arrived.notify_one();
     }
 
-    /// Waits for requests, then removes and returns them. It returns at most one question at a time, so that strokes are handled in
-    /// between.
+    /// Waits for requests, then removes and returns them, with at most one question, so that strokes are handled between questions.
     pub fn take(&self) -> Pending {
         let mut pending = self.lock();
         while pending.is_empty() {

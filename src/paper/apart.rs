@@ -150,8 +150,8 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
     Ok((Compared { found, checks, plot }, stage))
 }
 
-/// The reason why the first singular vectors may be rotated. It compares the error of the rig's photo of the dense vector with the gap to
-/// the next singular value.
+/// The reason why the first singular vectors may be rotated: the error of the rig's photo, compared with the gap to the next singular
+/// value.
 fn turned(both: &mut dyn Adjoint, dense: &DenseTriplets, unit: f64) -> Result<String> {
     let photo = product(both, &dense.right[0])?;
     let off: Vec<f64> =

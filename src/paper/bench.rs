@@ -128,8 +128,7 @@ impl OpenScene {
         options: &BenchOptions,
         observer: &SharedObserver,
     ) -> Result<Self> {
-        // One matrix is used, with a fixed order of sums on the processor. The numbers therefore depend neither on the memory nor on the
-        // device.
+        // One matrix and a fixed order of sums on the processor make the numbers independent of the memory and of the device.
         let settings = Settings {
             adapter: options.adapter.clone(),
             team: options.team.clone(),

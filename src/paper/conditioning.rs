@@ -1,5 +1,4 @@
-//! Compares two sets of patterns: photos that are projected back unchanged, and orthogonal patterns. It shows how independent each set is,
-//! and how this affects errors.
+//! Compares photos that are projected back unchanged with orthogonal patterns: how independent each set is, and the effect on errors.
 //!
 //! The vectors `x, N x, N² x, …` converge to the principal eigenvector. The condition number of the first `k` vectors grows by a factor
 //! with each photo. A result that uses their differences multiplies the photos' errors by this number. The patterns of the Lanczos process

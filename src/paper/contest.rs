@@ -1,5 +1,5 @@
-//! Compensation methods after equal numbers of photos: the paper's method with clamping, box-constrained methods, and the optimum. Also
-//! their target and pictures.
+//! Compensation methods after equal numbers of photos (the paper's with clamping, box-constrained ones, the optimum), with target and
+//! pictures.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -55,8 +55,7 @@ impl<'a> TargetLight<'a> {
         SolveOptions { products: photos, rtol: 0.0, diagonal, ..SolveOptions::default() }
     }
 
-    /// Runs `method` for `photos` photos, and records the residuals of its solution after each photo. If `scaled`, the white photo is used
-    /// as a preconditioner.
+    /// Runs `method` for `photos` photos, and records its residuals after each. If `scaled`, the white photo is the preconditioner.
     pub(super) fn run(
         &self,
         operator: &mut dyn Adjoint,
@@ -115,8 +114,7 @@ impl<'a> TargetLight<'a> {
         Ok(((square - 2.0 * gap).max(0.0).sqrt() / scale, square.sqrt() / scale))
     }
 
-    /// The pictures of the target, the photos with and without compensation, the projected pattern, and the errors. All photos share one
-    /// exposure.
+    /// Pictures of the target, the photos with and without compensation, the pattern, and the errors. All photos share one exposure.
     pub(super) fn panels(&self, plain: &[f64], best: &MethodRun) -> Vec<Panel> {
         let stage = self.stage;
         let light = |values: Vec<f64>| Content::Light { values, white: Some(self.peak) };
@@ -187,8 +185,7 @@ pub(super) struct Contest<'a> {
 }
 
 impl<'a> Contest<'a> {
-    /// Runs the comparison, with `photos` photos per method besides the white photo, and `products` products with the true matrix for the
-    /// optimum.
+    /// Runs the comparison: `photos` photos per method besides the white photo, and `products` true products for the optimum.
     pub(super) fn hold(
         bench: &mut Bench,
         stage: &'a Stage,
@@ -236,8 +233,7 @@ pub(super) fn percent(share: f64) -> f64 {
     100.0 * share
 }
 
-/// Plots of residuals after equal numbers of photos. For a rig, also plots of the clamped patterns' residuals after equal numbers of
-/// frames.
+/// Plots of residuals after equal numbers of photos and, for a rig, of clamped patterns' residuals after equal numbers of frames.
 pub(super) fn at_equal_costs(
     lines: &[(&str, &[f64])],
     entries: &[(&str, &MethodRun)],
@@ -309,8 +305,8 @@ mod tests {
         let picture = picture(100);
         assert!(picture.iter().all(|value| (0.02..=1.0).contains(value)));
         let edges = picture.windows(2).filter(|pair| (pair[0] - pair[1]).abs() > 0.1).count();
-        // The bars alone have nine edges in each of ten rows. The staircase has five in each of 14 rows. Disc and ring have four in most of
-        // 52 rows.
+        // The bars alone have nine edges in each of ten rows, the staircase has five in 14 rows, and disc and ring have four in most of 52
+        // rows.
         assert!(edges > 9 * 10 + 5 * 14 + 2 * 52, "{edges} of 10,000 neighbours differ");
     }
 }

@@ -30,14 +30,13 @@ const BESIDE: [u32; 6] = [0, 10, 50, 100, 200, 500];
 /// The number of photos of a compensation besides the white photo, and the number of photos for eigenvalues.
 const PHOTOS: usize = 10;
 const OF_EIGENVALUES: usize = 20;
-/// The largest allowed difference between measured and geometric disparity, in pixels. It is the accuracy that calibration promises for a
-/// map.
+/// The largest allowed difference between measured and geometric disparity, in pixels: the accuracy that calibration promises for a map.
 const AGREE: f64 = 0.1;
 /// A method counts as unaffected if its residual is at most this many times the residual without disparity, or below a tenth of a per cent.
 const AS_GOOD: f64 = 1.5;
 const SMALL: f64 = 1e-3;
-/// The side of a cell of projector pixels. Codes are averaged over each cell, because single codes are rounded. The second constant is the
-/// least number of codes in a cell.
+/// The side of a cell of projector pixels over which codes are averaged, since single codes are rounded; and a cell's least number of
+/// codes.
 const CELL: f64 = 4.0;
 const CODES: usize = 12;
 
@@ -211,8 +210,7 @@ fn of_codes(bench: &mut Bench, stage: &Stage) -> Result<Vec<f64>> {
     let border = decoded.step as f64;
     let side = stage.resolution.width as f64;
     let far = |seen: &[f64; 2]| seen.iter().all(|&at| at > border && at < side - border);
-    // The displacement is averaged over each cell. Pixels near the border of the lit area are left out: they are only partly lit, which
-    // shifts their centroids.
+    // The displacement is averaged over each cell. Pixels at the border of the lit area are left out: partial light shifts their centroids.
     let mut cells: BTreeMap<[u64; 2], (usize, [f64; 2])> = BTreeMap::new();
     for seen in decoded.all().filter(|seen| far(&seen.at)) {
         let at = [seen.pixel % map.camera.width, seen.pixel / map.camera.width].map(|at| at as f64 + 0.5);

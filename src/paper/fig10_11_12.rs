@@ -1,4 +1,4 @@
-//! Figures 10, 11 and 12: compensation in focus after five photos, out of focus after 8 and 12 photos, and the photos of the latter in
+//! Figures 10, 11 and 12: compensation in focus after five photos, compensation out of focus after 8 and 12 photos, and its photos in
 //! order.
 
 use super::bench::{Bench, Set, Stage};

@@ -1,9 +1,8 @@
 //! Figure 2: the principal eigenvector by optical power iteration.
 //!
-//! On a leaning sheet, direct light is brightest in one spot, and the photos converge to this spot. The ratio of the two largest
-//! eigenvalues determines the speed: `tan θ_k ≤ (λ₂/λ₁)^k tan θ_0` for the angle `θ_k` to the principal eigenvector. The brightest pixels
-//! are neighbours and nearly equally bright, so the ratio is close to 1. The Krylov subspace of the same photos contains a far better
-//! vector.
+//! On a leaning sheet, direct light is brightest in one spot, and the photos converge to it. The ratio of the two largest eigenvalues
+//! determines the speed: `tan θ_k ≤ (λ₂/λ₁)^k tan θ_0` for the angle `θ_k` to the principal eigenvector. The brightest pixels are
+//! neighbours and nearly equally bright, so the ratio is close to 1. The Krylov subspace of the same photos contains a far better vector.
 
 use super::bench::{Bench, Set, Stage};
 use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, counted};

@@ -124,8 +124,7 @@ fn is_cheap(
         .at_most(ratio, 1.0))
 }
 
-/// The segmentation after all photos, and the purity of two groups after 4 to 20 photos and at the end. A single capture is interrupted,
-/// evaluated and continued.
+/// The segmentation after all photos, and the purity of two groups after 4 to 20 photos and at the end, from one interrupted capture.
 fn segment_step_by_step(operator: &mut dyn Operator, stage: &Stage) -> Result<(Segmentation, Points)> {
     let mut capture = Capture::new(asked(PHOTOS, &FOLDED, stage.resolution))?;
     let mut curve = Vec::new();
@@ -233,8 +232,7 @@ fn distances(features: &[Vec<f64>], pixel: usize) -> Vec<f64> {
     features.iter().map(distance).collect()
 }
 
-/// The probability that a random pixel of `pixel`'s region is nearer to `pixel` than a random pixel of another region (area under the ROC
-/// curve).
+/// The probability that a random pixel of `pixel`'s region is nearer to it than one of another region (area under the ROC curve).
 fn ranked(distances: &[f64], truth: &[u8], pixel: usize) -> f64 {
     let mut order: Vec<usize> = (0..distances.len()).collect();
     order.sort_by(|&a, &b| distances[a].total_cmp(&distances[b]));

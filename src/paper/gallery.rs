@@ -65,8 +65,8 @@ impl Gallery<'_> {
         Ok(files.names)
     }
 
-    /// Writes the same files into the folder of an open run, with the photos and time of each figure. Returns the path of the page. Fails
-    /// as [`Gallery::write`].
+    /// Writes the same files into the folder of an open run, with the photos and time of each figure. Returns the page. Fails as
+    /// [`Gallery::write`].
     pub fn write_into(&self, run: &mut RunFolder) -> Result<PathBuf> {
         for made in self.made {
             let took = Duration::try_from_secs_f64(made.seconds).unwrap_or_default();

@@ -8,8 +8,7 @@ use crate::analysis::{MASKED, SegmentOptions, Segmentation};
 use crate::image::Resolution;
 use crate::lab::text::decimal;
 
-/// Options of a segmentation that uses all photos of one starting pattern. The resolution allows a low-pass filter of the directions on a
-/// noisy rig.
+/// Options of a segmentation that uses all photos of one starting pattern. With the resolution, a noisy rig's directions can be low-passed.
 pub(super) fn asked(photos: usize, groups: &[usize], resolution: Resolution) -> SegmentOptions {
     SegmentOptions {
         photos,
@@ -54,8 +53,7 @@ pub(super) fn purity(labels: &[u8], truth: &[u8]) -> f64 {
 
 /// Measures of how closely groups form horizontal bands.
 pub(super) struct Bands {
-    /// The number of groups that are the majority in some row of a region. A group that is narrower than half of its region in each row
-    /// does not count.
+    /// The number of groups that are the majority in some row of a region. A group narrower than half of its region in each row is ignored.
     pub(super) count: usize,
     /// The share of pixels in the majority group of their row and region. It is 1 if all borders are along the rows.
     pub(super) share: f64,
@@ -148,14 +146,12 @@ pub(super) fn components(labels: &[u8], label: u8, resolution: Resolution) -> Ve
 }
 
 const ALBEDO: f64 = 0.8;
-/// The number of bounces between the faces. A path of six surfaces has five such bounces; the first of them is the second bounce of the
-/// path.
+/// The number of bounces between the faces. A path of six surfaces has five of them; the first is the second bounce of the path.
 const BOUNCES: i32 = 5;
 
 /// The value `κ(a)` at `a = real + i·imaginary`. Its imaginary part vanishes on `real = ½`, and for real `a`.
 fn kernel(angle: f64, [real, imaginary]: [f64; 2]) -> f64 {
-    // The substitution is t = e^x. The integrand falls exponentially at both ends, so the trapezoid rule converges faster than any power of
-    // the step.
+    // With t = e^x, the integrand falls exponentially at both ends, so the trapezoid rule converges faster than any power of the step.
     const REACH: f64 = 60.0;
     const STEPS: i32 = 24_000;
     let step = 2.0 * REACH / f64::from(STEPS);

@@ -48,8 +48,7 @@ pub use bench::{Bench, BenchOptions};
 pub use figure::{Check, Content, Figure, Limit, Panel, Plot, Reproduced, Rig, Strip};
 pub use gallery::Gallery;
 
-/// Reproduces `figure` on `bench`. Fails if tracing, photos or methods fail, and with [`crate::Error::Interrupted`] when the bench's
-/// observer stops it.
+/// Reproduces `figure` on `bench`. Fails if a trace, a photo or a method fails; [`crate::Error::Interrupted`] when the observer stops it.
 pub fn reproduce(figure: Figure, bench: &mut Bench) -> Result<Reproduced> {
     let start = std::time::Instant::now();
     let mut made = match figure {
@@ -74,8 +73,7 @@ pub fn reproduce(figure: Figure, bench: &mut Bench) -> Result<Reproduced> {
     Ok(made)
 }
 
-/// Reproduces `figures` on one bench, one after the other. Calls `made` with each figure as soon as it is complete. Fails as [`reproduce`]
-/// and `made`.
+/// Reproduces `figures` one after the other on one bench. Calls `made` with each complete figure. Fails as [`reproduce`] and `made`.
 pub fn reproduce_all(
     figures: &[Figure],
     benches: impl IntoIterator<Item = BenchOptions>,

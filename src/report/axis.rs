@@ -21,8 +21,7 @@ pub(super) struct Tick {
 }
 
 impl Axis {
-    /// The axis around all plottable `values`, extended to round numbers, with about `wanted` labelled ticks. `None` if no value is
-    /// plottable.
+    /// The axis around all plottable `values`, extended to round numbers, with about `wanted` labelled ticks; `None` without such values.
     pub fn around(scale: Scale, values: impl Iterator<Item = f64>, wanted: usize) -> Option<Self> {
         // Numbers near the ends of the range of `f64` are left out, since they would overflow when they are rounded to a tick.
         let placed = values.filter(|&value| match scale {

@@ -10,8 +10,8 @@ pub use crate::io::raster::NOT_A_NUMBER;
 use crate::io::raster::Raster;
 use crate::io::raster::{decode_srgb, encode_srgb};
 
-/// The quantile that defines the range of a colour map. The largest 0.5 % of the values may saturate, so that a few bright pixels do not
-/// compress the range of all others.
+/// The quantile that defines a colour map's range. A few brighter pixels may saturate, so that they do not compress the range of the
+/// others.
 const RANGE_PERCENTILE: f64 = 0.995;
 
 /// Colours from −1 (blue) over 0 (near white) to 1 (vermilion), darker towards both ends. Colour-blind readers can distinguish them.

@@ -1,5 +1,4 @@
-//! The content of an answer, as named arrays and facts. It is the source of files, of the summary, of Python attributes and of terminal
-//! lines.
+//! An answer as named arrays and facts. Files, the summary, Python attributes and the lines on the terminal are made from them.
 
 use std::borrow::Cow;
 use std::fmt::Display;
@@ -26,8 +25,7 @@ pub struct Content<'a> {
 pub struct Array<'a> {
     /// The name of the file and of the attribute in Python.
     pub name: &'static str,
-    /// The number that distinguishes arrays of the same name, if there are several. The file is `NAME-KEY.npy`, and the attribute is a
-    /// dictionary.
+    /// The number that distinguishes arrays of equal names. With it, the file is `NAME-KEY.npy`, and the attribute is a dictionary.
     pub key: Option<usize>,
     /// The shape.
     pub shape: Vec<usize>,

@@ -26,8 +26,7 @@ pub struct FoundRun {
     pub has_page: bool,
 }
 
-/// The runs in a folder and its subfolders, the last started run first. Folders inside a run are not searched, nor are links. Fails with
-/// [`Error::Read`].
+/// The runs below a folder, the last started run first. Links and folders inside a run are not searched. Fails with [`Error::Read`].
 pub fn find(folder: &Path) -> Result<Vec<FoundRun>> {
     let mut runs = Vec::new();
     look_through(folder, Path::new(""), DEEPEST, &mut runs)?;

@@ -98,8 +98,7 @@ impl AnswerPage<'_> {
         figure::signed(self.resolution, &error, robust_range(&error, None), &self.unit, caption)
     }
 
-    /// Writes the page with the findings of the answer, and returns the names of all files. These findings and those of the run determine
-    /// the colour of the page.
+    /// Writes the page, and returns the names of all files. The findings of the answer and of the run determine the colour of the page.
     pub(crate) fn finish(
         mut self,
         findings: Vec<Finding>,

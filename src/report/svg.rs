@@ -288,8 +288,7 @@ impl Chart {
         self.marks.push((y, note.to_owned()));
     }
 
-    /// Writes the notes of the marks above or below their lines. Each note is as far left as possible without covering a curve or another
-    /// note.
+    /// Writes the notes of the marks above or below their lines, as far left as possible without covering a curve or another note.
     fn draw_notes(&mut self) {
         let mut notes = Vec::new();
         for (y, note) in std::mem::take(&mut self.marks) {

@@ -53,8 +53,7 @@ impl Verb for Audit {
         }
     }
 
-    /// Checks the operator and the faults of a rig's devices. The laboratory keeps no photos, since an audit compares two photos of the
-    /// same pattern.
+    /// Checks the operator and the devices of a rig. No photos are kept, since an audit compares two photos of the same pattern.
     fn answer(&self, lab: &mut Lab) -> Result<AuditReport> {
         let options = &AuditOptions {
             patterns: self.patterns,

@@ -265,8 +265,7 @@ impl Trials<'_> {
         let begin = Step { stage: "trials", done: 0, total: 0, estimate: Estimate::None };
         let mut trials = Vec::new();
         for &seed in &self.seeds {
-            // If the observer stops the work, no trials are returned, since a stopped method returns its best result so far, which is no
-            // valid trial.
+            // A stopped method returns its best result so far. This is not a valid trial, so a stop discards all trials.
             if self.observer.step(&begin).is_break() {
                 return Err(Error::Interrupted);
             }

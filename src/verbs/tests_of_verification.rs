@@ -70,8 +70,7 @@ fn a_rig_is_checked_by_one_more_photo_of_each_answer() -> Result<()> {
     assert_eq!((checked.verification.by, checked.estimates.len()), (Independent::AnotherPhoto, 0));
     assert_eq!(checked.verification.verdict, CheckVerdict::Passed, "within the residuals that it states");
     // The photo is a sum of orthogonal eigenvectors with signs. Their residuals are parallel to the next Lanczos vector, so they add up or
-    // cancel. The devices have no noise except for steps of 12 and 16 bits, so the error and the assumed noise make up the whole
-    // difference.
+    // cancel. The devices have no noise except for steps of 12 and 16 bits. Error and assumed noise together are thus the whole difference.
     let size = found.values.iter().map(|value| value * value).sum::<f64>().sqrt();
     let share = |residual: f64| residual.abs() / size.hypot(residual);
     let [first, second, third] = [0, 1, 2].map(|at| found.residuals[at]);

@@ -168,8 +168,7 @@ impl LightTransport {
         Ok(Self { engine: retracing(scene, channels, true), ..retraced })
     }
 
-    /// Keeps the direct light, the noise and the ambient light of a simulator beside its photos, so that the run's folder alone can be
-    /// relit.
+    /// Keeps a simulator's direct light, noise and ambient light beside its photos, so that the run's folder alone can be relit.
     fn keep_known(&mut self) -> Result<()> {
         let Self { engine: Engine::Replayed(traced), journal: Some(journal), .. } = self else {
             return Ok(());

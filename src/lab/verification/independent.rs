@@ -1,5 +1,4 @@
-//! Light that is independent of an answer: light paths with another seed, or one more photo of a rig. A compensation is verified by a photo
-//! of its pattern.
+//! Light that is independent of an answer: light paths with another seed, or a further photo of a rig (for a compensation, of its pattern).
 
 use std::f64::consts::SQRT_2;
 use std::sync::{Arc, Mutex};
@@ -74,8 +73,7 @@ impl Lab {
         if matches!(self.source, Source::Rig(_))
             && let Some(rig) = lock(self.transport()?).rig()
         {
-            // The predicted and the independent photo are each rounded to the projector's levels, with independent errors. Hence the factor
-            // √2.
+            // The predicted and the independent photo are each rounded to the projector's levels. Their errors are independent, hence √2.
             let rounding = rig.measurement.rounding(&found.pattern)?;
             predicted.iter_mut().zip(rounding).for_each(|(one, norm)| one.stated = SQRT_2 * norm);
         }

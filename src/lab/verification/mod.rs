@@ -25,8 +25,7 @@ use crate::krylov::{Eigs, Start};
 use crate::operator::Operator;
 use crate::transport::{EstimatedProduct, Part, Question, Squares};
 
-/// The variance of a prediction's noise relative to the noise variance of the independent photo, if both use the same number of light
-/// paths.
+/// The variance of a prediction's noise relative to that of the independent photo, if both use the same number of light paths.
 const AS_MANY_PATHS: f64 = 1.0;
 
 /// The same ratio for two photos of a rig. The standard errors that a rig states are true to a factor of 1.3 (`stated_errors_of_rigs`), so
@@ -65,7 +64,7 @@ type PairsWithPhotos = (VerifiedEigenpairs, Vec<Vec<f64>>, Vec<EstimatedProduct>
 pub struct VerifiedEigenpairs {
     /// The accuracy of the predicted photos of the eigenvectors.
     pub verification: Verification,
-    /// Estimates of the scene's eigenpairs, one for each pair found. The list is empty for a rig, since its one photo shows all pairs
+    /// Estimates of the scene's eigenpairs, one for each pair found. There are none for a rig, since its one photo shows all pairs
     /// together.
     pub estimates: Vec<EigenpairEstimate>,
     /// For each number of groups, the share of the pixels that independent light assigns to the same group. It limits the confidence of the
@@ -84,8 +83,7 @@ impl VerifiedEigenpairs {
 
 impl Lab {
     /// Verifies eigenpairs of one part of the light transport matrix. For a scene, light paths with another seed give the product of each
-    /// eigenvector. For a rig, one photo shows the sum of all eigenvectors with random signs. Returns `None` without independent light or
-    /// for complex pairs.
+    /// eigenvector. For a rig, one photo shows the sum of all, with random signs. `None` without independent light or for complex pairs.
     pub fn verify_eigenpairs(&mut self, part: Part, found: &Eigs) -> Result<Option<VerifiedEigenpairs>> {
         if found.imaginary_values.iter().any(|&value| value != 0.0) || found.values.is_empty() {
             return Ok(None);
@@ -349,8 +347,7 @@ fn photos_compared(by: Independent, predicted: &[Predicted], products: &[Estimat
     each.map(|(one, product)| of_product(by, product, &one.photo, one.stated)).collect()
 }
 
-/// The coordinates of pixels in the space of the eigenvectors, or in their one sum. The first array follows the segmentation, the second
-/// independent light.
+/// The coordinates of pixels along the eigenvectors, or along their one sum: by the segmentation, and by independent light.
 fn coordinates(
     found: &Segmentation,
     pairs: &Eigenpairs<'_>,

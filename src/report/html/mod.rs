@@ -1,5 +1,4 @@
-//! `report.html`: one self-contained page with the results of a run. Scripts show values, zoom, flip and compare, but the page is complete
-//! without them.
+//! `report.html`: one self-contained page with the results of a run. Scripts show values, zoom, flip and compare, but are not required.
 
 mod legend;
 mod page;

@@ -97,8 +97,7 @@ impl Values {
     }
 }
 
-/// Floats as text, deflated, in base64. The first bytes of all floats come first, then all second bytes, and so on. This order deflates
-/// better.
+/// Floats as text, deflated, in base64. The first bytes of all floats come first, then all second bytes, and so on, which deflates better.
 pub(super) fn packed(planes: &[Vec<f32>]) -> String {
     let numbers: Vec<[u8; 4]> = planes.iter().flatten().map(|value| value.to_le_bytes()).collect();
     let bytes: Vec<u8> = (0..4).flat_map(|place| numbers.iter().map(move |number| number[place])).collect();

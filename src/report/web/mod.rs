@@ -1,5 +1,4 @@
-//! The scripts of pages. They are plain JavaScript modules, joined into one script, because a page opened from a file cannot load other
-//! files.
+//! The scripts of pages: plain JavaScript modules, joined into one script, because a page opened from a file cannot load other files.
 
 use std::io::Write;
 

@@ -23,8 +23,7 @@ pub struct Compensated {
     pub options: CompensateOptions,
     /// The runs of all methods with the same number of photos; empty if they were not requested.
     pub methods: Vec<MethodRun>,
-    /// The photo of the compensation by independent light, and the distance of this photo from the target; `None` before
-    /// [`Answer::verify`].
+    /// The photo of the compensation by independent light, and its residual; `None` before [`Answer::verify`].
     pub verified: Option<Verified>,
     /// The name and the unit of the model that answered without photos.
     pub(super) model: Option<(String, String)>,

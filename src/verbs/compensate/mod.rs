@@ -221,8 +221,7 @@ impl Verb for Compensate {
 }
 
 impl Compensate {
-    /// The options of the method. `is_symmetric` tells whether the light transport is symmetric. `photos_of_run` is the default budget of a
-    /// replayed run.
+    /// The options of the method. `is_symmetric` describes the light transport. `photos_of_run` is the default budget of a replayed run.
     pub fn options(&self, is_symmetric: bool, photos_of_run: Option<usize>) -> CompensateOptions {
         let base = match self.paper {
             true => CompensateOptions::paper(is_symmetric, 0.1),
@@ -292,8 +291,8 @@ impl Compensate {
         Ok(image)
     }
 
-    /// Computes the answer from a model of the light transport. If the source has the model, no photo is taken. A model from `--model` is
-    /// corrected by photos.
+    /// Computes the answer from a model of the light transport. A model of the source needs no photo. A model from `--model` is corrected
+    /// by photos.
     fn by_model(&self, lab: &mut Lab) -> Result<Compensated> {
         let mut model = match &self.model {
             Some(folder) => open_model(folder, lab.observer())?,

@@ -192,8 +192,8 @@ fn similarity(run: &Compensated) -> Block {
     Block::table(headers, rows, "What is seen against the target; the data range is the peak")
 }
 
-/// The content of `methods.csv`: for each method and photo, the residual of the displayed pattern, and the frames (empty if photos are
-/// computed).
+/// The content of `methods.csv`: the residual of each method's displayed pattern after each photo, and the frames (empty if none are
+/// taken).
 fn csv(methods: &[MethodRun]) -> String {
     let mut text = String::from("method,photo,frames,relative_residual_displayed\n");
     for method in methods {

@@ -68,8 +68,7 @@ impl BenchRig {
         given.or(self.source.file.longest_exposure())
     }
 
-    /// Starts a preview of a pattern, with this exposure in seconds. If no exposure suits white, a warning reports this. Fails if the rig
-    /// fails.
+    /// Starts a preview of a pattern, with this exposure in seconds. Warns if no exposure suits white. Fails if the rig fails.
     pub fn preview(&self, pattern: &crate::image::Image, exposure: Option<f64>) -> Result<LivePreview> {
         let known = self.known.as_ref().map(|known| &known.camera);
         let (preview, outcome) = LivePreview::new(self.open()?, known, pattern, self.exposure(exposure))?;

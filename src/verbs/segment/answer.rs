@@ -35,8 +35,7 @@ pub struct Segmented {
     pub truth: Option<Truth>,
     /// The adjusted Rand index against the true labels, for each number of groups; empty without true labels.
     pub scores: Vec<(usize, f64)>,
-    /// Estimates of the scene's eigenvalues by independent light; empty before [`Answer::verify`]. The first eigenvalue is known and left
-    /// out.
+    /// Estimates of the scene's eigenvalues by independent light, except the first, which is known; empty before [`Answer::verify`].
     pub estimates: Vec<EigenpairEstimate>,
     /// For each number of groups, the share of the confidence that independent light supports; empty before [`Answer::verify`].
     pub supported: Vec<(usize, f64)>,

@@ -164,8 +164,7 @@ impl Segment {
             photos: self.photos.or(photos_of_run).unwrap_or(50),
             groups: self.groups.clone(),
             eigenvectors: self.eigenvectors,
-            // The number of starting patterns follows from the photos of the run. A request for fewer photos therefore uses the same
-            // patterns.
+            // The starting patterns follow from the photos of the run, so that a request for fewer photos uses the same patterns.
             starts: self.starts.or(photos_of_run.map(SegmentOptions::automatic_starts)),
             cut: self.cut,
             mu: self.mu,
