@@ -90,8 +90,7 @@
 //!
 //! # The rooms
 //!
-//! Each module imports only modules below it, so data flows one way. The list is complete, from the top down; a test compares it with the
-//! code.
+//! Each module imports only modules below it, so data flows one way. The list is complete; a test compares it with the sources.
 //!
 //! <!-- rooms: begin -->
 //! ```text

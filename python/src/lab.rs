@@ -271,7 +271,7 @@ impl Lab {
     }
 }
 
-/// The error for an answer that shall be saved outside the folder of the open run, where its photos are.
+/// The error for saving an answer outside the folder of the open run, which holds its photos.
 fn in_another_folder(open: &std::path::Path) -> krylux::Error {
     krylux::Error::option("-o", format!("the photos of this laboratory go to {}", open.display()))
         .help("save the answer there, by save() without a folder")

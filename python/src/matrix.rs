@@ -19,8 +19,8 @@ impl Matrix {
         (self.0.rows(), self.0.cols())
     }
 
-    /// `(data, indices, indptr)` as SciPy has them: views, which cannot be written to, and offsets that are made anew. `indptr` is 64 bits wide for a matrix of 2³¹ entries
-    /// or more; SciPy then widens `indices` too, by a copy.
+    /// The arrays `(data, indices, indptr)` of SciPy's format. The first two are read-only views, and `indptr` is a new array. For a matrix
+    /// of 2³¹ entries or more, `indptr` is 64 bits wide. SciPy then also widens `indices`, by a copy.
     fn arrays<'py>(
         slf: &Bound<'py, Self>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {

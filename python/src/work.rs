@@ -103,7 +103,7 @@ fn in_pool<T: Send>(body: impl FnOnce() -> T + Send) -> T {
     }
 }
 
-/// A value that threads use in turns until it is taken away. It belongs to the process that created it; a forked child leaves it alone.
+/// A value that threads use in turns until it is taken away. In a forked child of its process, the value is neither used nor closed.
 pub(crate) struct Held<T> {
     kept: Mutex<Option<T>>,
     process: u32,

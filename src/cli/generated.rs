@@ -57,7 +57,7 @@ fn script(shell: Shell) -> String {
     String::from_utf8_lossy(&script).into_owned()
 }
 
-/// The command without its hidden verbs. Only krylux itself starts those.
+/// The command without its hidden verbs. Only krylux itself runs hidden verbs.
 fn visible(command: &Command) -> Command {
     let verbs = command.get_subcommands().filter(|verb| !verb.is_hide_set()).cloned();
     Command::new("krylux").args(command.get_arguments().cloned()).subcommands(verbs)

@@ -20,7 +20,7 @@ use crate::measure::RunManifest;
 pub struct RunOptions {
     /// The folder. If it is `None`, the first unused name of `out/NAME`, `out/NAME-2`, … is taken.
     pub folder: Option<PathBuf>,
-    /// Allows a folder that holds an earlier run. Its photos are deleted when the new run is complete, unless the earlier run is the
+    /// Allows a folder that holds an earlier run. When the new run is complete, the old photos are deleted, unless the old run is the
     /// source.
     pub overwrite: bool,
     /// Continues the run in the folder: a photo in its journal is not taken again.
@@ -256,7 +256,7 @@ fn holds_run(path: &Path) -> bool {
     path.join(RECORD).exists() || Journal::is_in(&journal_folder(path)) || model::is_in(path)
 }
 
-/// Locks the folder itself, so that only one run at a time uses it. If the file system has no locks, the journal's lock protects the
+/// Locks the folder itself, so that only one run at a time uses it. Without locks in the file system, the journal's lock protects the
 /// photos.
 pub(super) fn lock(path: &Path) -> Result<Option<File>> {
     let Ok(folder) = File::open(path) else { return Ok(None) };

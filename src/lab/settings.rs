@@ -271,8 +271,7 @@ impl TraceOverrides {
         TraceSettings { seed, ..self.over(TraceSettings::new(Resolution::new(128, 128), 64)) }
     }
 
-    /// The settings for the scene of a virtual rig whose file contains `settings`. The file's seed is used, so equal devices see equal
-    /// scenes.
+    /// The settings for the scene of a virtual rig whose file contains `settings`. Its seed is kept, so equal devices see equal scenes.
     pub fn for_rig(&self, settings: TraceSettings) -> TraceSettings {
         self.over(settings)
     }

@@ -172,7 +172,7 @@ fn a_rig_whose_light_is_not_in_proportion_is_refused_until_it_is_calibrated() ->
 }
 
 /// The camera is aligned with the projector, and has 2 or 2.5 pixels per projector pixel. At the border of the lit area, its pixels see a
-/// trace of unlit projector pixels (calibrated), or half of a neighbour (ideal). These pixels once caused an index of 0.0 to 0.23.
+/// trace of unlit projector pixels (calibrated), or half of a neighbour (ideal). They once caused an adjusted Rand index of 0.0 to 0.23.
 #[test]
 fn an_aligned_camera_finds_the_groups_at_silhouettes_too() -> Result<()> {
     let exact = traced(builtin::zigzag().to_scene(), 24)?;

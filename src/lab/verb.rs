@@ -131,8 +131,7 @@ pub trait Answer {
 pub struct Verified {
     /// The accuracy of the predicted photos.
     pub verification: Verification,
-    /// Estimates of the scene's eigenvalues, for eigenpairs and segmentations. For a segmentation, the first eigenvalue is known and left
-    /// out.
+    /// Estimates of the scene's eigenvalues, for eigenpairs and segmentations (without the first eigenvalue, which is known).
     pub estimates: Vec<EigenpairEstimate>,
     /// The distance of a compensation from its target.
     pub residual: Option<f64>,

@@ -115,7 +115,7 @@ impl<'a> Canvas<'a> {
         self.lab.kind() == SourceKind::Rig
     }
 
-    /// The layers of the matrix in memory. Their sum is all light except the ambient light. Without such a matrix, there are none.
+    /// The layers of the matrix in memory. Their sum is all light except the ambient light. The list is empty without such a matrix.
     pub(super) fn layers(&self) -> &[(Light, Columns)] {
         &self.layers
     }
@@ -206,7 +206,7 @@ impl<'a> Canvas<'a> {
         })
     }
 
-    /// The light from each projector pixel to one camera pixel: a row of the matrix, and a dual photograph. `None` if the devices cannot be
+    /// The light from each projector pixel to one camera pixel: a row of the matrix, a dual photograph. `None` if the devices cannot be
     /// exchanged.
     pub fn row(&mut self, light: Light, pixel: usize) -> Result<Option<Planes>> {
         let projector = self.projector().pixels();

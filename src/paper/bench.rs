@@ -152,8 +152,8 @@ impl OpenScene {
         Ok(Self { stage, lab, calibration: None })
     }
 
-    /// The scene seen by virtual devices. Their calibration is `known`, or else it is measured from captures alone. In the latter case, a
-    /// matte sheet then shows their uneven brightness.
+    /// The scene seen by virtual devices. Their calibration is `known`, or else it is measured from captures alone. After this measurement,
+    /// a matte sheet shows their uneven brightness.
     fn through_devices(&mut self, known: Option<Calibration>) -> Result<Lab> {
         let mut rig = self.lab.through_rig(realistic(self.stage.resolution)?)?;
         match known.or(self.calibration.take()) {

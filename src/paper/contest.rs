@@ -158,7 +158,7 @@ impl MethodRun {
         self.answered.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    /// The residual of the solution that is not clamped, otherwise as [`MethodRun::displayed_at`].
+    /// The residual as [`MethodRun::displayed_at`], but of the solution without clamping.
     pub(super) fn answered_at(&self, photos: usize) -> f64 {
         at(&self.answered, photos)
     }

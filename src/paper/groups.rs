@@ -101,7 +101,7 @@ pub(super) fn straight_bands(
         for row in 0..resolution.height {
             let pixels = row * resolution.width..(row + 1) * resolution.width;
             let here: f64 = pixels.clone().filter(inside).map(|pixel| light[pixel]).sum();
-            // The band of a row is the band that contains the middle of the row's light.
+            // A row belongs to the band that contains the middle of the row's light.
             let band = ((above + here / 2.0) / all * bands as f64) as usize;
             for pixel in pixels.filter(inside) {
                 labels[pixel] = (index * bands + band.min(bands - 1)) as u8;

@@ -247,8 +247,8 @@ impl Run {
     }
 }
 
-/// The guarantee after `k` photos if only the interval `[smallest, largest]` of the spectrum is known. By Chebyshev, it is the least
-/// maximum on this interval of a residual polynomial of degree `k`. It is 1 if the interval contains 0.
+/// The guarantee after `k` photos if only the interval `[smallest, largest]` of the spectrum is known. By Chebyshev, it is the smallest
+/// possible maximum of a residual polynomial of degree `k` there. It is 1 if the interval contains 0.
 fn chebyshev_bound(largest: f64, smallest: f64, k: usize) -> f64 {
     if smallest <= 0.0 {
         return 1.0;

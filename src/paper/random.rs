@@ -192,9 +192,9 @@ fn sketch(global: &mut dyn Operator, graph: &Graph, patterns: &[Vec<f64>]) -> Re
     Ok(found)
 }
 
-/// Makes the first vector of `pair` orthogonal to the first vector of each pair in `known`, and scales it to norm 1. These are orthonormal.
-/// The second vector is a linear function of the first, and changes in the same way. Returns the norm of the first vector before it is
-/// scaled. If this norm is 0, nothing is scaled.
+/// Makes the first vector of `pair` orthogonal to the first vector of each pair in `known`, which must be orthonormal, and scales it to
+/// norm 1. The second vector is a linear function of the first, and changes in the same way. Returns the norm of the first vector before it
+/// is scaled. If this norm is 0, nothing is scaled.
 pub(super) fn make_orthonormal(pair: &mut [Vec<f64>; 2], known: &[[Vec<f64>; 2]]) -> f64 {
     let [vector, image] = pair;
     // A second pass is necessary, because rounding leaves some of the basis after the first pass.

@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn spectrum_of_two_coupled_pixels() -> Result<()> {
-        // [[2, 1], [1, 2]] has the eigenvalues 3, with (1, 1), and 1.
+        // The matrix [[2, 1], [1, 2]] has the eigenvalues 3 and 1. The eigenvector of 3 is (1, 1).
         let matrix = Csr::new(2, vec![0, 2, 4], vec![0, 1, 0, 1], vec![2.0, 1.0, 1.0, 2.0])?;
         for found in [spectrum(&matrix)?, spectrum_of_rows(&[vec![2.0, 0.5], vec![1.5, 2.0]])?] {
             assert!((found.values[0] - 3.0).abs() < 1e-14, "rounding of a 2×2 matrix: {:?}", found.values);
@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     fn singular_triplets_of_a_shear() -> Result<()> {
-        // [[0, 2], [0, 0]] sends light from the projector's second pixel to the camera's first.
+        // The matrix [[0, 2], [0, 0]] sends light from the projector's second pixel to the camera's first.
         let found = singular_triplets(&Csr::new(2, vec![0, 1, 1], vec![1], vec![2.0])?, 5)?;
         assert_eq!(found.values.len(), 2);
         assert!((found.values[0] - 2.0).abs() < 1e-15 && found.values[1].abs() < 1e-15, "{:?}", found.values);

@@ -133,7 +133,8 @@ fn paint(
     Ok(Raster::from_pixels(resolution, pixels))
 }
 
-/// Linear sRGB of a colour of Oklab, in which equal distances look equal, `[L, a, b]` (Björn Ottosson, *A perceptual color space for image processing*).
+/// The linear sRGB colour of `[L, a, b]` in Oklab (Björn Ottosson, *A perceptual color space for image processing*). In Oklab, equal
+/// distances look equal.
 pub(super) fn linear_from_oklab([lightness, a, b]: [f32; 3]) -> [f32; 3] {
     let long = (lightness + 0.396_337_78 * a + 0.215_803_76 * b).powi(3);
     let medium = (lightness - 0.105_561_346 * a - 0.063_854_17 * b).powi(3);

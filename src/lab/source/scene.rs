@@ -205,8 +205,8 @@ impl SceneSource {
         }
     }
 
-    /// The light transport matrix, on the device that computes products. It is the matrix in memory, or else as [`Self::cached_or_traced`].
-    /// If `split`, the second bounce is in a separate layer from the third and later bounces.
+    /// The light transport matrix, on the device that computes products. If it is not in memory, it is obtained as
+    /// [`Self::cached_or_traced`]. If `split`, the second bounce is in a separate layer from the third and later bounces.
     pub(in crate::lab) fn assemble(&self, channels: Channels, split: bool) -> Result<Arc<Assembled>> {
         let (asked, mut kept) = ((channels, split), lock(&self.kept));
         match &*kept {

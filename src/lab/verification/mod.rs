@@ -64,8 +64,7 @@ type PairsWithPhotos = (VerifiedEigenpairs, Vec<Vec<f64>>, Vec<EstimatedProduct>
 pub struct VerifiedEigenpairs {
     /// The accuracy of the predicted photos of the eigenvectors.
     pub verification: Verification,
-    /// Estimates of the scene's eigenpairs, one for each pair found. There are none for a rig, since its one photo shows all pairs
-    /// together.
+    /// Estimates of the scene's eigenpairs, one for each pair found. There are none for a rig, since its photo shows all pairs together.
     pub estimates: Vec<EigenpairEstimate>,
     /// For each number of groups, the share of the pixels that independent light assigns to the same group. It limits the confidence of the
     /// labels, and is 0 if the verification fails. The list is empty for eigenpairs alone.

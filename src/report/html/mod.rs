@@ -46,9 +46,9 @@ pub enum Outcome {
     /// The result is as good as requested.
     #[default]
     Good,
-    /// The command is complete, but the result is not good enough.
+    /// The command was completed, but the result is not good enough.
     Short,
-    /// The command is not complete.
+    /// The command was not completed.
     Failed,
 }
 

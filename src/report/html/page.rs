@@ -189,7 +189,8 @@ static DEFINITIONS: LazyLock<HashMap<&str, String>> = LazyLock::new(|| {
     let rows =
         GLOSSARY.lines().filter_map(|line| line.strip_prefix("| ")?.strip_suffix(" |")?.split_once(" | "));
     let terms = rows.filter(|(term, _)| !term.starts_with('`') && !term.starts_with("--"));
-    // General terms of the field come last. If a column has the same name as such a term, the definition of the column is used.
+    // The glossary lists general terms of the field last. If a column has the same name as such a term, the definition of the column is
+    // used.
     let mut found = HashMap::new();
     for (term, definition) in terms {
         found.entry(term).or_insert_with(|| plain(definition));

@@ -160,7 +160,7 @@ impl Verb for Compensate {
         if self.target.is_none() {
             return Err(no_target());
         }
-        // The check assumes a symmetric matrix and no earlier run, since a model takes no photos.
+        // Zero photos pass this check, since they are valid with a model.
         let options = self.options(true, None);
         CompensateOptions { photos: options.photos.max(1), ..options }.check()?;
         match self.crosstalk {

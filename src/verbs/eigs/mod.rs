@@ -244,7 +244,7 @@ fn possible_of(lab: &mut Lab, part: Part, found: &krylov::Eigs) -> Result<Option
     }))
 }
 
-/// The options that confirm the answer by products, and the largest number of further photos for this.
+/// The options for confirming an answer by further products, and the largest number of photos for these products.
 fn confirm_within(asked: Option<Confirm>, operator: &LabOperator) -> (Option<Confirm>, usize) {
     let confirm =
         asked.map(|confirm| if operator.is_free() { confirm } else { confirm.on_rig(operator.cols()) });

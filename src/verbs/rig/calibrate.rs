@@ -62,7 +62,7 @@ pub struct Calibrated {
     pub effort: Effort,
     /// The folder.
     pub folder: PathBuf,
-    /// Whether the rig file names the folder, and the message about this.
+    /// Whether the rig file names the folder, and a line that reports this.
     used: (bool, Option<String>),
 }
 
