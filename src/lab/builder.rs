@@ -60,7 +60,7 @@ impl LabBuilder {
         self
     }
 
-    /// Pixels of camera and projector, in a scene or in the scene of a virtual rig; 128×128 by default.
+    /// The resolution of camera and projector, for a scene or for the scene of a virtual rig; 128×128 by default.
     #[must_use]
     pub fn size(mut self, width: usize, height: usize) -> Self {
         self.settings.trace.resolution = Some(Resolution::new(width, height));

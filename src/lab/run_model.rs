@@ -106,7 +106,7 @@ fn from_photos(run: &RunSource, observer: &SharedObserver) -> Result<SavedModel>
     })
 }
 
-/// An estimate of the direct light for a run that did not measure it but has the white photo.
+/// An estimate of the direct light, for a run that has the white photo but no measurement of the direct light.
 fn estimated(full: &[Product], observer: &SharedObserver) -> Result<Vec<f64>> {
     let level = |product: &Product| product.from.iter().copied().fold(0.0, f64::max);
     // The mask excludes pixels that the rig never lights because its camera does not see them.

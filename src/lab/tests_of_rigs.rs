@@ -92,7 +92,7 @@ fn white_and_direct_light_are_those_of_even_devices() -> Result<()> {
     // A pattern is dimmed at pixels where the projector is brighter, also the pattern of ones.
     let (white, photo) = (rig.white()?, rig.photo(&ones)?);
     assert!(off(&white, &photo) < 0.01, "{}", off(&white, &photo));
-    // The direct light under ones equals the row sums of its matrix.
+    // The direct light under ones equals the row sums of the direct light's matrix.
     let sums = rig.with_measurement(|measurement| {
         let direct = measurement.direct()?;
         let rows = measurement.direct_rows(0)?;

@@ -39,7 +39,7 @@ impl<'a> TargetLight<'a> {
         Ok(Self { stage, picture, light, peak, white, unit })
     }
 
-    /// `‖b − A x‖ / ‖b‖` with the true matrix, independent of the rig.
+    /// The relative residual `‖b − A x‖ / ‖b‖` with the true matrix, independent of the rig.
     pub(super) fn residual(&self, pattern: &[f64]) -> f64 {
         norm(&minus(&self.light, &self.stage.photo(pattern))) / norm(&self.light)
     }

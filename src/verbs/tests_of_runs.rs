@@ -137,7 +137,7 @@ fn a_run_of_a_rig_answers_other_patterns() -> Result<()> {
     Ok(())
 }
 
-/// Earlier versions of the program measured with squares of two pixels instead of codes.
+/// Earlier versions of the program measured direct light by squares of two pixels instead of codes.
 #[test]
 fn a_run_whose_direct_light_was_measured_by_squares_can_still_be_asked() -> Result<()> {
     let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;

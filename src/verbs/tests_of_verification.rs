@@ -160,7 +160,7 @@ fn a_compensated_photo_states_the_error_of_each_pixel() -> Result<()> {
     Ok(())
 }
 
-/// Verdicts on correct answers and on planted wrong ones, for one seed of the light paths. The wrong answers are shuffled labels, an
+/// Verdicts on correct answers and on wrong answers, for one seed of the light paths. The wrong answers are shuffled labels, an
 /// eigenvector with added noise of twice the run's noise, and a pattern that compensates another scene.
 fn verdicts(seed: u32) -> Result<([CheckVerdict; 3], [CheckVerdict; 3])> {
     let lab =

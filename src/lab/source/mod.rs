@@ -54,7 +54,7 @@ pub enum SourceKind {
 }
 
 impl SourceKind {
-    /// The kind, by the path's extension. A folder is a run. An unknown extension counts as a scene, whose loader lists its formats.
+    /// The kind, by the path's extension. A folder is a run. Any other extension counts as a scene; its loader reports the known formats.
     pub fn of(path: &Path) -> Self {
         if path.is_dir() {
             return Self::Run;

@@ -127,7 +127,7 @@ impl RigSource {
         Self { file, calibration, is_calibrated: false, devices, scene, program, symmetry, observer }
     }
 
-    /// Loads the calibration, if the file names one. Returns whether it does.
+    /// Loads the calibration, if the file names one. Returns whether the file names a calibration.
     fn load_calibration(&mut self) -> Result<bool> {
         let Some(folder) = &self.file.calibration else { return Ok(false) };
         let calibration = Calibration::load(folder)?;

@@ -1,4 +1,4 @@
-//! The folder of a run as a source. Its photos answer further questions without any device.
+//! The folder of a run as a source. Its photos serve further requests without any device.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};

@@ -125,9 +125,9 @@ impl SceneSource {
         let adapter = tracer.adapter().clone();
         let AdapterSummary { name, kind, driver_version, .. } = &adapter;
         observer.detail(format_args!("adapter   {name} ({kind}), {driver_version}"));
-        // The scene's rig may give the number of the projector's pixels.
+        // The scene's rig may define the resolution of the projector.
         let trace = TraceSettings { projector: trace.projector.or(scene.projector_resolution), ..trace };
-        // The settings are checked before a pattern of this many pixels is made.
+        // The settings are checked before a pattern of this resolution is made.
         trace.check()?;
         note_crop(&scene, trace.resolution, observer);
         let cache = settings.cache.open().map(Arc::new);

@@ -100,7 +100,7 @@ impl Lab {
     }
 
     /// Verifies a segmentation of the light of `part` by the normalized cut, `G u = λ D u`, as [`Lab::verify_eigenpairs`]. The estimates
-    /// cover all eigenvalues but the first, which is known. Fails as [`Lab::operator`].
+    /// cover all eigenvalues except the first, which is known. Fails as [`Lab::operator`].
     pub fn verify_segmentation(
         &mut self,
         part: Part,

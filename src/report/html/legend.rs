@@ -75,7 +75,7 @@ impl Legend {
         Self::Scale { colors, labels: vec![brief(low), brief(high)], unit: String::new() }
     }
 
-    /// The same scale with a unit. Legends other than scales are unchanged.
+    /// The scale with a unit. Legends other than scales are unchanged.
     #[must_use]
     pub fn with_unit(self, of: &str) -> Self {
         match self {

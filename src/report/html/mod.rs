@@ -141,7 +141,7 @@ pub struct Number {
     pub what: String,
     /// The value, formatted.
     pub value: String,
-    /// The bound and by how much the value misses it; empty if the value has no bound.
+    /// The bound, and the distance by which the value misses it; empty if the value has no bound.
     pub wanted: String,
     /// Whether the value meets the bound; `None` without a bound.
     pub outcome: Option<Outcome>,

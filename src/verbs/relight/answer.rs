@@ -65,7 +65,7 @@ impl Relighting {
         self.relit.iter().filter_map(|relit| relit.errors.last().copied()).reduce(f64::max)
     }
 
-    /// The largest error of a relit photo and the largest acceptable one, if both are known.
+    /// The largest error of a relit photo and the largest acceptable error, if both are known.
     fn judged(&self) -> Option<[f64; 2]> {
         Some([self.worst()?, self.max_error?])
     }

@@ -106,7 +106,8 @@ impl Segmented {
         pictures.into_iter().map(|(name, figure)| page.picture(&name, figure)).collect()
     }
 
-    /// The colours for each number of groups. They match the true regions if these are known, or else the groups of the first number.
+    /// The colours for each number of groups. They match the true regions if these are known. Otherwise they match the groups for the first
+    /// number.
     fn palettes(&self) -> Vec<Palette> {
         let labels = &self.segmentation.labels;
         let reference = self.truth.as_ref().map(|truth| truth.labels.as_slice());

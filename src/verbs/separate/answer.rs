@@ -77,7 +77,7 @@ impl Separated {
         self.truth.as_ref().and_then(|truth| relative_error(&self.direct, truth).value())
     }
 
-    /// The error of the direct light and the largest acceptable one, if the error exceeds it.
+    /// The error of the direct light and the largest acceptable error, if the first exceeds the second.
     fn excess(&self) -> Option<[f64; 2]> {
         Some([self.error()?, self.max_error?]).filter(|[error, most]| error > most)
     }

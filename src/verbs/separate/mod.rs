@@ -76,8 +76,8 @@ pub enum SeparationMethod {
     Checkerboards,
     /// Shifted sinusoids
     Sinusoids,
-    /// Patterns in which pixels near to each other have different codes, so that light from near by does not count as direct. For devices
-    /// in focus
+    /// Patterns in which pixels near to each other have different codes, so that light from near by does not count as direct. For devices in
+    /// focus
     Codes,
     /// The diagonal of the matrix from patterns of random signs
     Random,
