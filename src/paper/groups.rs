@@ -180,8 +180,8 @@ fn bounced(kernel: f64) -> f64 {
 /// ```
 ///
 /// `K` is homogeneous of degree −1. Hence `s^{-a}` is an eigenfunction on the half line, with the eigenvalue `κ(a) = ∫ K(1, t) t^{-a} dt`.
-/// The values at all `a = ½ + iω` form a continuous spectrum. Global light of albedo `ρ` and up to six bounces is the polynomial `g(κ) = Σ
-/// ρ^{b−1} κ^b` with `b` from 1 to 5. The normalized cut divides it by `g(κ(0))`, the value for even light.
+/// The values at all `a = ½ + iω` form a continuous spectrum. Global light of albedo `ρ` and up to six bounces is the polynomial
+/// `g(κ) = Σ ρ^{b−1} κ^b` with `b` from 1 to 5. The normalized cut divides it by `g(κ(0))`, the value for even light.
 /// `guide/src/concepts/segmentation.md` explains the consequences.
 pub(super) fn continuous(angle: f64, frequency: f64) -> f64 {
     bounced(kernel(angle, [0.5, frequency])) / bounced(kernel(angle, [0.0, 0.0]))

@@ -15,11 +15,11 @@
 //! | 11 | compensation in focus with five photos | `fig10_11_12` |
 //! | 12 | compensation with a defocused projector, twelve photos | `fig10_11_12` |
 //! | 13 | bit planes of a one-bit projector | `fig13` |
-//!  – | random patterns after equal numbers of photos | `random` |
+//! | – | random patterns after equal numbers of photos | `random` |
 //! | – | photos without orthogonalisation | `conditioning` |
 //! | – | the polynomials of equations 1 to 3 | `polynomials` |
-//!  – | camera and projector apart, and exchanged to photograph the transpose | `apart` |
-//!  – | the effect of disparity on methods for symmetric matrices | `disparity` |
+//! | – | camera and projector apart, and exchanged to photograph the transpose | `apart` |
+//! | – | the effect of disparity on methods for symmetric matrices | `disparity` |
 //!
 //! [`Gallery`] writes the page that shows the figures beside the paper's statements.
 

@@ -1,10 +1,10 @@
 //! The polynomials of the paper's equations 1 to 3. They show the information about a matrix in `k` photos of a Krylov method.
 //!
 //! Every vector of the Krylov subspace `span{b, A b, …, A^{k−1} b}` is `q(A) b` for a polynomial `q`. The residual of MINRES and GMRES is
-//! `p(A) b` for a polynomial `p` of degree `k` with `p(0) = 1`. Among all such polynomials, `p` minimizes the norm `‖p(A) b‖² = Σ p(λ_i)²
-//! (u_iᵀ b)²`, where `λ_i` and `u_i` are the eigenpairs of `A`. The process ends when `p` vanishes on all eigenvalues whose eigenvectors
-//! have a part in `b`. This `p` is the minimal polynomial of `A` for `b`. The monic polynomial of least norm after `k` photos has the Ritz
-//! values as its zeros.
+//! `p(A) b` for a polynomial `p` of degree `k` with `p(0) = 1`. Among all such polynomials, `p` minimizes the norm
+//! `‖p(A) b‖² = Σ p(λ_i)² (u_iᵀ b)²`, where `λ_i` and `u_i` are the eigenpairs of `A`. The process ends when `p` vanishes on all
+//! eigenvalues whose eigenvectors have a part in `b`. This `p` is the minimal polynomial of `A` for `b`. The monic polynomial of least
+//! norm after `k` photos has the Ritz values as its zeros.
 
 use super::bench::{Bench, Set, Stage};
 use super::contest::{TargetLight, percent};

@@ -197,6 +197,9 @@ impl RigSource {
     }
 
     /// The scene or matrix in front of the virtual devices. A scene is traced now if necessary.
+    ///
+    /// # Errors
+    /// [`crate::Error::Data`] if the devices are real; the errors of tracing.
     pub fn twin(&self) -> Result<Twin> {
         twin(self.scene.as_ref(), self.devices()?, &self.file.path)
     }
