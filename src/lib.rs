@@ -1,14 +1,14 @@
 //! krylux (Krylov + lux): a light transport laboratory.
 //!
-//! A projector lights a scene, a camera takes the photo, the photo is projected back, and so on. These photos span
-//! the Krylov subspace of the scene's light transport matrix `A` (photo = `A` · pattern), so a few dozen photos
-//! yield its eigenvectors and the answers that follow from them, without ever measuring `A` itself. The method is
-//! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, the precursor of *Optical computing for fast light
-//! transport analysis*, 2010, doi:10.1145/1882261.1866165. The guide in `guide/` has concepts, tutorials and the reference of the program.
+//! A projector lights a scene, a camera takes a photo, the projector shows this photo as the next pattern, and so on. These photos span the
+//! Krylov subspace of the scene's light transport matrix `A` (photo = `A` · pattern). A few dozen photos therefore yield the eigenvectors
+//! of `A`, and the results that follow from them, without a measurement of `A` itself. The method is O'Toole and Kutulakos, *Light
+//! Transport Analysis by Krylov Subspace Illumination*, the precursor of *Optical computing for fast light transport analysis*, 2010,
+//! doi:10.1145/1882261.1866165. The guide in `guide/` has concepts, tutorials and the reference of the program.
 //!
 //! # Five lines
 //!
-//! [`lab`] is the door: [`open()`] takes a scene, a rig file, the folder of an earlier run, or a matrix.
+//! [`lab`] is the entry point: [`open()`] takes a scene, a rig file, the folder of an earlier run, or a matrix.
 //!
 //! ```
 //! use krylux::krylov::{EigsOptions, eigs};
@@ -21,7 +21,7 @@
 //!     let pairs = eigs(&mut global, &EigsOptions { count: 4, ..EigsOptions::default() })?;
 //!     let groups = lab.ask(&Segment { groups: vec![2, 6], ..Segment::default() })?;
 //!     lab.save(folder, &groups)?;
-//!     // Two regions exchange no light, so that the eigenvalue 1 of the normalized graph comes twice.
+//!     // The scene has two regions that exchange no light, so the eigenvalue 1 of the normalized graph occurs twice.
 //!     assert!(pairs.values.len() == 4 && groups.segmentation.eigenvalues[1] > 0.99);
 //!     Ok(())
 //! }
@@ -33,8 +33,8 @@
 //! # }
 //! ```
 //!
-//! [`Lab::builder`](lab::Lab::builder) changes the defaults. With a folder, every photo is in its journal before it is used, and
-//! the folder is a source for further questions. The same lines run on a rig and on a run:
+//! [`Lab::builder`](lab::Lab::builder) changes the defaults. If a folder is given, the journal in it keeps every photo before the photo is
+//! used, and the folder can itself be opened as a source. The same lines run on a rig and on a run:
 //!
 //! ```
 //! use krylux::lab::Lab;
@@ -48,7 +48,7 @@
 //! let first = rig.ask(&request)?;
 //! rig.finish(&first)?;
 //!
-//! // The photos of the run answer again, with no rig attached.
+//! // The photos of the run answer the same request, with no rig attached.
 //! let mut replay = krylux::open(&run)?;
 //! let again = replay.ask(&request)?;
 //! assert_eq!(first.segmentation.labels, again.segmentation.labels);
@@ -69,7 +69,7 @@
 //! | `relight_run` | a scene relit from the folder of a finished run |
 //! | `sweep_albedo` | one number over twenty values of a material ([`scene`], [`Lab::builder_of_scene`](lab::Lab::builder_of_scene)) |
 //!
-//! The Python package in `python/` stands on the same door: laboratories, operators and solvers for NumPy and SciPy.
+//! The Python package in `python/` uses the same entry point: laboratories, operators and solvers for NumPy and SciPy.
 //!
 //! # The map
 //!
@@ -90,7 +90,7 @@
 //!
 //! # The rooms
 //!
-//! Data flows one way: a room imports only rooms below it. This is the whole list, from the top down; a test compares it with the sources.
+//! Each module imports only modules below it, so data flows one way. The list is complete; a test compares it with the sources.
 //!
 //! <!-- rooms: begin -->
 //! ```text

@@ -8,8 +8,8 @@ fn main() -> ExitCode {
     krylux::cli::main()
 }
 
-/// Mesa's device selection asks a display server which device to prefer, and complains on stderr where there is none.
-/// krylux needs no display and chooses by itself.
+/// Stops a complaint of Mesa's device selection on stderr. Mesa asks a display server which device to prefer, and complains if there is no
+/// such server. krylux needs no display and chooses the device itself.
 #[allow(unsafe_code, reason = "the environment is changed before any other thread exists")]
 fn quiet_the_driver() {
     if std::env::var_os("XDG_RUNTIME_DIR").is_none() && std::env::var_os("NODEVICE_SELECT").is_none() {

@@ -1,4 +1,4 @@
-//! Arrays between NumPy and krylux. The Python side hands over contiguous arrays that it has checked.
+//! Arrays between NumPy and krylux. The Python side passes contiguous arrays that it has already checked.
 
 use krylux::image::{Image, Resolution};
 use numpy::ndarray::{ArrayD, IxDyn};
@@ -9,7 +9,7 @@ use pyo3::types::PyDict;
 
 use crate::errors;
 
-/// The image of a C-contiguous array of `H×W` or `H×W×3`.
+/// Converts a C-contiguous array of `H×W` or `H×W×3` to an image.
 pub(crate) fn image(array: &PyReadonlyArrayDyn<'_, f32>) -> PyResult<Image> {
     let py = array.py();
     let (height, width, channels) = match *array.shape() {
@@ -21,7 +21,7 @@ pub(crate) fn image(array: &PyReadonlyArrayDyn<'_, f32>) -> PyResult<Image> {
     Image::new(Resolution::new(width, height), channels, samples).map_err(|error| errors::raise(py, &error))
 }
 
-/// An image as an array of `H×W`, or of `H×W×3` in colour.
+/// Converts an image to an array of `H×W`, or of `H×W×3` in colour.
 pub(crate) fn array<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound<'py, PyAny>> {
     shaped(py, &shape(image.resolution(), image.channels()), image.samples().to_vec())
 }
@@ -31,7 +31,7 @@ pub(crate) fn shape(size: Resolution, channels: usize) -> Vec<usize> {
     [size.height, size.width].into_iter().chain((channels > 1).then_some(channels)).collect()
 }
 
-/// Values as an array of this shape.
+/// Converts values to an array of this shape.
 pub(crate) fn shaped<'py, T: Element>(
     py: Python<'py>,
     shape: &[usize],
@@ -42,17 +42,17 @@ pub(crate) fn shaped<'py, T: Element>(
     Ok(array.into_pyarray(py).into_any())
 }
 
-/// Vectors of one length as an array with one vector in each row.
+/// Converts vectors of equal length to an array with one vector in each row.
 pub(crate) fn rows<'py>(py: Python<'py>, vectors: &[Vec<f64>], length: usize) -> PyResult<Bound<'py, PyAny>> {
     shaped(py, &[vectors.len(), length], vectors.concat())
 }
 
-/// A record of krylux, as the lists and dictionaries that its JSON describes.
+/// Converts a record of krylux to the lists and dictionaries that its JSON describes.
 pub(crate) fn record<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
     parsed(py, serde_json::to_string(value).map_err(|error| PyValueError::new_err(error.to_string()))?)
 }
 
-/// The value of a text in JSON.
+/// Parses a JSON text into a Python value.
 pub(crate) fn parsed<'py>(py: Python<'py>, text: String) -> PyResult<Bound<'py, PyAny>> {
     py.import("json")?.call_method1("loads", (text,))
 }
@@ -65,7 +65,7 @@ impl<'py> Fields<'py> {
         Self(PyDict::new(py))
     }
 
-    /// Anything that Python has a type for.
+    /// Adds a value of any type that has a Python type.
     pub(crate) fn put(&self, name: &str, value: impl IntoPyObject<'py>) -> PyResult<&Self> {
         self.0.set_item(name, value)?;
         Ok(self)
@@ -75,7 +75,7 @@ impl<'py> Fields<'py> {
         self.put(name, array(self.0.py(), value)?)
     }
 
-    /// Interleaved samples as an array of `H×W`, or of `H×W×3` in colour.
+    /// Adds interleaved samples as an array of `H×W`, or of `H×W×3` in colour.
     pub(crate) fn raster<T: Element>(
         &self,
         name: &str,

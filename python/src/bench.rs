@@ -1,4 +1,4 @@
-//! Questions to the devices of a rig rather than to a scene: their requests come as keyword arguments, and their answers go out as attributes.
+//! Requests to the devices of a rig. Their fields are keyword arguments, and their answers are attributes.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -18,13 +18,13 @@ use crate::verbs::{attributes_of, request};
 use crate::work::Held;
 use crate::{errors, work};
 
-/// The rig of a request, whose calibration may not be there yet.
+/// The rig of a request. Its calibration may not exist yet.
 fn rig(py: Python<'_>, source: Request) -> PyResult<RigSource> {
     let builder = source.builder(py)?;
     work::detached(py, || builder.open_uncalibrated_rig())
 }
 
-/// Asks about a rig, or about the devices that are attached. Returns the attributes of the answer; of an alignment those of each round.
+/// Sends a request to a rig or to the attached devices. Returns the attributes of the answer; for an alignment, those of each round.
 #[pyfunction]
 pub(crate) fn ask_rig<'py>(
     py: Python<'py>,
@@ -40,7 +40,7 @@ pub(crate) fn ask_rig<'py>(
         }
         "flat_field" => {
             let builder = source.builder(py)?;
-            // Python hands over nothing but rigs.
+            // The Python side passes only rigs, so the error does not occur.
             work::detached(py, || MeasureSheet::ask(builder.open()?.rig().ok_or(Error::Interrupted)?))?
         }
         "check" => {
@@ -79,7 +79,7 @@ pub(crate) struct Preview(Held<LivePreview>);
 
 #[pymethods]
 impl Preview {
-    /// Opens the devices. A calibration that cannot be used is left aside.
+    /// Opens the devices. An unusable calibration is ignored.
     #[new]
     fn new(
         py: Python<'_>,
@@ -102,11 +102,11 @@ impl Preview {
         Ok(Self(Held::new(work::detached(py, || BenchRig::new(rig).preview(&image, exposure))?)))
     }
 
-    /// The next frame with its figures.
+    /// The next frame, with its figures.
     fn next<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (figures, raw, range) = self.0.with(py, |running| {
             let figures = running.capture()?;
-            // There is a last frame once one was captured.
+            // There is a last frame, because one was captured just now.
             let raw = running.last().cloned().ok_or(Error::Interrupted)?;
             Ok((figures, raw, *running.range()))
         })?;

@@ -1,4 +1,4 @@
-//! Cameras and projectors written in Python, behind the traits of krylux's rigs.
+//! Cameras and projectors that are written in Python, for the traits of krylux's rigs.
 
 use krylux::Error;
 use krylux::rig::{
@@ -10,17 +10,17 @@ use pyo3::prelude::*;
 
 use crate::{arrays, work};
 
-/// Devices of Python, with what the rig file says of them.
+/// Devices written in Python, with their descriptions in the rig file.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct ProgramDevices {
     projector: Py<PyAny>,
     camera: Py<PyAny>,
-    /// Both descriptions as JSON.
+    /// The descriptions of both devices as JSON.
     description: String,
 }
 
-/// Lets `call` use a device of Python. An exception comes out in place of the error.
+/// Calls a device written in Python. If it raises an exception, the caller in Python receives this exception in place of the error.
 fn ask<T>(device: &str, call: impl FnOnce(Python<'_>) -> PyResult<T>) -> krylux::Result<T> {
     match Python::try_attach(call) {
         Some(Ok(answer)) => Ok(answer),
@@ -34,7 +34,7 @@ fn ask<T>(device: &str, call: impl FnOnce(Python<'_>) -> PyResult<T>) -> krylux:
 }
 
 impl ProgramDevices {
-    /// Opens the devices whenever krylux asks for them. They are the same objects each time.
+    /// Opens the devices on each request. All requests return the same objects.
     pub(crate) fn opener(self) -> DeviceOpener {
         DeviceOpener::new(move |after: Option<Stamp>| {
             let described: ProgramRig = serde_json::from_str(&self.description)
@@ -59,7 +59,7 @@ impl ProgramDevices {
     }
 }
 
-/// `show(levels)`.
+/// A projector with the method `show(levels)`.
 struct PythonProjector {
     device: Py<PyAny>,
     info: ProjectorInfo,
@@ -83,7 +83,7 @@ impl Projector for PythonProjector {
     }
 }
 
-/// `configure(exposure)` and `capture()`, as the Python side wraps them.
+/// A camera with the methods `configure(exposure)` and `capture()`, as wrapped by the Python side.
 struct PythonCamera {
     device: Py<PyAny>,
     info: CameraInfo,
@@ -109,10 +109,10 @@ impl Camera for PythonCamera {
         let taken = ask("camera", |py| {
             py.check_signals()?;
             let answer = self.device.call_method0(py, "capture")?;
-            // The counts, and how many seconds ago their exposure began, where the camera says so.
+            // The result is the counts, and the number of seconds since the exposure began, if the camera states it.
             let counts: Option<(PyReadonlyArray1<'_, u16>, Option<f64>)> = answer.extract(py)?;
             let Some((counts, age)) = counts else { return Ok(None) };
-            // Any other frame was triggered by this call.
+            // Without this number, the exposure began with this call.
             let started = age.map_or(called, |age| self.clock.seconds() - age);
             Ok(Some((counts.as_slice()?.to_vec(), started)))
         })?;

@@ -4,7 +4,7 @@ use krylux::Error;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// The exception for an error: a class of `krylux.errors` whose attributes name what to check.
+/// The exception for an error. It is a class of `krylux.errors`, whose attributes name the object to check.
 pub(crate) fn raise(py: Python<'_>, error: &Error) -> PyErr {
     let path = |path: &std::path::Path| Some(("path", path.display().to_string()));
     let device = |device: &String| Some(("device", device.clone()));
@@ -28,24 +28,24 @@ pub(crate) fn raise(py: Python<'_>, error: &Error) -> PyErr {
     make(py, class, &in_python(&error.to_string()), about)
 }
 
-/// A wrong argument of a function in this package.
+/// The exception for a wrong argument of a function in this package.
 pub(crate) fn option(py: Python<'_>, option: &str, fault: &str, help: &str) -> PyErr {
     let error = Error::option(option, fault).help(help);
     raise(py, &error)
 }
 
-/// A panic, which is a fault of krylux.
+/// The exception for a panic, which is a fault of krylux.
 pub(crate) fn internal(py: Python<'_>, reason: &str) -> PyErr {
     let help = "please report it with the lines that led here; nothing else in this process is affected";
     make(py, "InternalError", &format!("krylux failed: {reason}\n  help: {help}"), None)
 }
 
-/// The use of a laboratory that is closed.
+/// The exception for the use of a closed laboratory.
 pub(crate) fn closed(py: Python<'_>) -> PyErr {
     make(py, "ClosedError", "the laboratory is closed\n  help: open the source again", None)
 }
 
-/// The use of a laboratory by a process that was forked after it was opened.
+/// The exception for the use of a laboratory in a process that was forked after the laboratory was opened.
 pub(crate) fn forked(py: Python<'_>) -> PyErr {
     let fault =
         "the laboratory was opened before this process was forked: devices and threads stay with the parent";
@@ -66,7 +66,7 @@ fn make(py: Python<'_>, class: &str, text: &str, about: Option<(&str, String)>) 
     made().unwrap_or_else(|error| error)
 }
 
-/// A text with the options of the command line as arguments of Python: `--max-bounces` becomes `max_bounces`.
+/// A text in which command line options are replaced by Python arguments: `--max-bounces` becomes `max_bounces`.
 pub(crate) fn in_python(text: &str) -> String {
     let named = match text {
         "-o" => return "folder".into(),

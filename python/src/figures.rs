@@ -17,7 +17,7 @@ use crate::settings::one_of;
 use crate::watch::Watcher;
 use crate::work;
 
-/// Figures that were made, kept until they are saved.
+/// Reproduced figures, kept until they are saved.
 #[pyclass(frozen, module = "krylux._krylux", name = "Figures")]
 pub(crate) struct Figures {
     made: Vec<Reproduced>,
@@ -43,7 +43,7 @@ impl Figures {
     }
 }
 
-/// Makes figures of the paper again: those of these names, or all where there are none.
+/// Reproduces figures of the paper: the named figures, or all figures if no name is given.
 #[pyfunction]
 pub(crate) fn reproduce<'py>(
     py: Python<'py>,
@@ -108,7 +108,7 @@ fn panel_fields<'py>(py: Python<'py>, panel: &Panel) -> PyResult<Bound<'py, PyDi
     Ok(fields.0)
 }
 
-/// Lines: each an array of two columns.
+/// The lines of a plot, each as an array of two columns.
 fn plot_fields<'py>(py: Python<'py>, plot: &Plot) -> PyResult<Bound<'py, PyDict>> {
     let lines = PyList::empty(py);
     for line in &plot.lines.series {
@@ -122,7 +122,7 @@ fn plot_fields<'py>(py: Python<'py>, plot: &Plot) -> PyResult<Bound<'py, PyDict>
     Ok(fields.0)
 }
 
-/// The photos of a run in order, with their patterns.
+/// The photos of a run in order, each with its pattern.
 fn strip_fields<'py>(py: Python<'py>, strip: &Strip) -> PyResult<Bound<'py, PyDict>> {
     let shape = [strip.photos.len(), strip.resolution.height, strip.resolution.width];
     let side = |of: fn(&Product) -> &Vec<f64>| {
@@ -140,7 +140,7 @@ pub(crate) fn read_picture(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, 
     arrays::array(py, &work::detached(py, || picture::read(&path))?)
 }
 
-/// How alike two pictures of one shape are.
+/// The similarity of two pictures of the same shape.
 #[pyfunction]
 pub(crate) fn compare<'py>(
     py: Python<'py>,

@@ -1,4 +1,4 @@
-//! krylux's own solvers on operators of Python.
+//! krylux's own solvers, applied to operators written in Python.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -22,7 +22,7 @@ use crate::verbs;
 use crate::watch::Watcher;
 use crate::{errors, work};
 
-/// An operator whose products Python takes: `product(rows of vectors, adjoint)` returns rows.
+/// An operator whose products are computed in Python. `product(rows of vectors, adjoint)` returns the products as rows.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Called {
@@ -116,7 +116,7 @@ fn options(question: &Bound<'_, PyAny>) -> PyResult<SolveOptions> {
     })
 }
 
-/// `M⁻¹` by a function of Python, which is taken for positive definite.
+/// A preconditioner `M⁻¹` computed by a Python function. It is assumed to be positive definite.
 fn called_preconditioner(product: Py<PyAny>) -> UserPreconditioner {
     UserPreconditioner::closure(true, move |r, z| {
         work::in_python(|py| {
@@ -132,7 +132,7 @@ fn called_preconditioner(product: Py<PyAny>) -> UserPreconditioner {
     })
 }
 
-/// Solves `A x = b`: the arrays and the facts of the answer.
+/// Solves `A x = b`. Returns the arrays and the facts of the answer.
 #[pyfunction]
 pub(crate) fn solve<'py>(
     py: Python<'py>,
@@ -148,10 +148,10 @@ pub(crate) fn solve<'py>(
     verbs::attributes(py, &Solved { found, method, file: None })
 }
 
-/// The arguments of [`eigenpairs`] that a laboratory answers by itself: seed, noise, first vector, known vectors.
+/// Arguments of [`eigenpairs`] that a laboratory would supply itself: seed, noise, first vector, known vectors.
 type Beside = (u64, f64, Option<Vec<f64>>, Vec<Vec<f64>>);
 
-/// Eigenpairs of a square operator: the arrays and the facts of the answer.
+/// Finds eigenpairs of a square operator. Returns the arrays and the facts of the answer.
 #[pyfunction(name = "eigs")]
 pub(crate) fn eigenpairs<'py>(
     py: Python<'py>,
@@ -169,7 +169,7 @@ pub(crate) fn eigenpairs<'py>(
     verbs::attributes(py, &Eigenpairs::new(found, &request, None))
 }
 
-/// The trace of a square operator, with its standard error and the products that it took.
+/// Estimates the trace of a square operator. Returns the trace, its standard error, and the number of products.
 #[pyfunction]
 pub(crate) fn trace(
     py: Python<'_>,
@@ -186,7 +186,7 @@ pub(crate) fn trace(
     Ok((found.value, found.standard_error, found.products))
 }
 
-/// The largest singular values with their vectors as rows, from random products.
+/// The largest singular values, with their vectors as rows, from products with random vectors.
 #[pyfunction]
 #[allow(clippy::type_complexity, reason = "the three arrays of a singular value decomposition")]
 pub(crate) fn svd<'py>(

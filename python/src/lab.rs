@@ -20,18 +20,18 @@ use crate::verbs::{Answer, attributes_of, request};
 use crate::work::Held;
 use crate::{errors, work};
 
-/// A laboratory, until it is closed.
+/// A laboratory, which can be closed.
 #[pyclass(frozen, module = "krylux._krylux", name = "Lab")]
 pub(crate) struct Lab {
     lab: Held<Laboratory>,
-    /// Photos that were asked for one by one, beside those of operators.
+    /// The number of photos taken one by one, without the products of operators.
     photos: AtomicUsize,
 }
 
-/// A laboratory that goes out of scope leaves a record of its run that is as complete as that of a closed one.
+/// A laboratory that goes out of scope completes the record of its run, as if it were closed.
 impl Drop for Lab {
     fn drop(&mut self) {
-        // Nobody is left who could be told of an error. Another thread may be at work with an operator, and need the interpreter.
+        // An error is ignored, since no caller is left. Another thread that works with an operator may need the interpreter's lock.
         let _ = Python::try_attach(|py| work::detached(py, || self.end()));
     }
 }
@@ -41,7 +41,7 @@ impl Lab {
         Self { lab: Held::new(lab), photos: AtomicUsize::new(0) }
     }
 
-    /// Lets `work` use the laboratory, without the interpreter's lock. Threads take turns.
+    /// Lets `work` use the laboratory, without the interpreter's lock. Only one thread uses it at a time.
     pub(crate) fn with<T: Send>(
         &self,
         py: Python<'_>,
@@ -51,7 +51,7 @@ impl Lab {
     }
 }
 
-/// The part of the light of this name.
+/// The part of the light with this name.
 pub(crate) fn part(py: Python<'_>, name: &str) -> PyResult<Part> {
     one_of(py, "part", name, &[("full", Part::Full), ("direct", Part::Direct), ("global", Part::Global)])
 }
@@ -65,7 +65,7 @@ impl Lab {
         Ok(Self::around(work::detached(py, || builder.open())?))
     }
 
-    /// The same scene through the virtual devices of a rig file.
+    /// The same scene, seen by the virtual devices of a rig file.
     fn through_rig(&self, py: Python<'_>, file: PathBuf) -> PyResult<Self> {
         self.with(py, |lab| lab.through_rig(RigFile::load(&file)?)).map(Self::around)
     }
@@ -76,7 +76,7 @@ impl Lab {
         self.with(py, |lab| lab.begin_run("run", &options).map(|_| ()))
     }
 
-    /// Measures the rig's devices from captures, and takes photos by that from now on.
+    /// Measures the rig's devices from captures, and uses this calibration for photos from now on.
     fn calibrate<'py>(
         &self,
         py: Python<'py>,
@@ -94,7 +94,7 @@ impl Lab {
         attributes_of(py, &measured_figures(&report))
     }
 
-    /// What is known without a photo: kind, name, the shapes of photos and of patterns, channels, unit and seed.
+    /// Facts that need no photo: kind, name, the shapes of photos and of patterns, channels, unit and seed.
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let about = self.with(py, |lab| {
             let kind = match lab.kind() {
@@ -111,7 +111,7 @@ impl Lab {
         about.into_pyobject(py)
     }
 
-    /// The photo of a pattern, and if asked for, the standard error of each sample where it is known.
+    /// The photo of a pattern. On request, also the standard error of each sample, if the errors are known.
     fn photo<'py>(
         &self,
         py: Python<'py>,
@@ -127,7 +127,7 @@ impl Lab {
         Ok((arrays::array(py, &photo)?, error.map(|error| arrays::array(py, &error)).transpose()?))
     }
 
-    /// The photo under an all-ones pattern, or without a projector.
+    /// The photo of an all-ones pattern, or the photo without the projector.
     fn plain<'py>(&self, py: Python<'py>, is_white: bool) -> PyResult<Bound<'py, PyAny>> {
         let photo = self.with(py, |lab| if is_white { lab.white() } else { lab.ambient() })?;
         self.photos.fetch_add(1, Ordering::Relaxed);
@@ -140,13 +140,13 @@ impl Lab {
         shaped(py, &arrays::shape(size, 1), labels)
     }
 
-    /// The labels of the scene's author with the regions' names, where there are any.
+    /// The labels that the scene's author defined, with the names of the regions, if there are any.
     fn truth<'py>(&self, py: Python<'py>) -> PyResult<Option<(Bound<'py, PyAny>, Vec<String>)>> {
         let (truth, size) = self.with(py, |lab| Ok((lab.known_truth()?, lab.resolution())))?;
         truth.map(|of| Ok((shaped(py, &arrays::shape(size, 1), of.labels)?, of.regions))).transpose()
     }
 
-    /// The noise of a traced matrix, where it is known.
+    /// The noise of a traced matrix, if it is known.
     fn noise<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(noise) = self.with(py, Laboratory::noise)? else { return Ok(None) };
         let fields = Fields::new(py);
@@ -155,18 +155,18 @@ impl Lab {
         Ok(Some(fields.0))
     }
 
-    /// The expected error of a product with a vector of norm 1, where a matrix was traced.
+    /// The expected error of a product with a vector of norm 1, if a matrix was traced.
     fn product_noise(&self, py: Python<'_>, part: &str) -> PyResult<Option<f64>> {
         let part = crate::lab::part(py, part)?;
         self.with(py, |lab| lab.product_noise(part))
     }
 
-    /// Whether the matrix is symmetric, and whether photos cost nothing but computing.
+    /// Whether the matrix is symmetric, and whether photos cost only computing time.
     fn kind_of_light(&self, py: Python<'_>) -> PyResult<(bool, bool)> {
         self.with(py, |lab| Ok((lab.is_symmetric()?, lab.is_simulated()?)))
     }
 
-    /// What a rig has cost so far; nothing for other sources.
+    /// The costs of a rig so far; `None` for other sources.
     fn costs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         record(py, &self.with(py, Laboratory::costs)?)
     }
@@ -186,7 +186,7 @@ impl Lab {
         Ok(Operator::new(operators.swap_remove(channel)))
     }
 
-    /// Writes an answer into a folder, or into that of the open run. Returns the folder.
+    /// Writes an answer into a folder, by default that of the open run. Returns the folder.
     fn save(
         &self,
         py: Python<'_>,
@@ -209,12 +209,12 @@ impl Lab {
         })
     }
 
-    /// What was found of an answer and of the rig whose photos it is from.
+    /// The findings about an answer, and about the rig whose photos it uses.
     fn findings<'py>(&self, py: Python<'py>, answer: &Answer) -> PyResult<Bound<'py, PyAny>> {
         record(py, &self.with(py, |lab| Ok(lab.findings_of(&**answer.kept())))?)
     }
 
-    /// Compares the photos that an answer predicts with independent ones.
+    /// Compares the photos that an answer predicts with independent photos.
     fn check<'py>(&self, py: Python<'py>, answer: &Answer) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(found) = self.with(py, |lab| answer.kept().verify(lab))? else { return Ok(None) };
         let fields = Fields(record(py, &found.verification)?.cast_into()?);
@@ -235,7 +235,7 @@ impl Lab {
         self.with(py, |lab| Ok(lab.run().map(|run| run.path.clone())))
     }
 
-    /// Ends the open run, and frees devices and memory. Operators that were handed out stay valid.
+    /// Ends the open run, and releases devices and memory. Operators of this laboratory stay valid.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         work::detached(py, || self.end())
     }
@@ -247,7 +247,7 @@ impl Lab {
 }
 
 impl Lab {
-    /// Ends the open run and drops the laboratory. A run that took no photo, or whose rig no longer answers, counts as interrupted.
+    /// Ends the open run and drops the laboratory. A run without photos, or with a rig that no longer responds, counts as interrupted.
     fn end(&self) -> krylux::Result<()> {
         let Some(mut lab) = self.lab.take() else { return Ok(()) };
         let photos = lab.contact_sheet().len() + self.photos.load(Ordering::Relaxed);
@@ -271,7 +271,7 @@ impl Lab {
     }
 }
 
-/// Photos of an open run are in its own folder.
+/// The error for saving an answer outside the folder of the open run, which holds its photos.
 fn in_another_folder(open: &std::path::Path) -> krylux::Error {
     krylux::Error::option("-o", format!("the photos of this laboratory go to {}", open.display()))
         .help("save the answer there, by save() without a folder")

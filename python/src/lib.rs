@@ -1,4 +1,4 @@
-//! The native part of krylux's Python package: thin classes around [`krylux::lab::Lab`] and its answers. The Python sources beside it
+//! The native part of krylux's Python package: thin classes around [`krylux::lab::Lab`] and its answers. The Python sources of the package
 //! check arguments, and give these classes their names and documentation.
 //!
 //! | file | holds |
@@ -7,11 +7,11 @@
 //! | `errors` | errors of krylux as exceptions |
 //! | `watch` | progress, messages and signals |
 //! | `settings` | the arguments of `krylux.open` |
-//! | `lab`, `verbs` | the laboratory, its questions, and answers that can be saved |
+//! | `lab`, `verbs` | the laboratory, its requests, and answers that can be saved |
 //! | `matrix`, `operator`, `arrays` | matrices, products and pictures as arrays |
-//! | `krylov` | krylux's solvers on operators of Python |
+//! | `krylov` | krylux's solvers, applied to operators written in Python |
 //! | `figures` | pictures from files and their comparison, and the paper's figures |
-//! | `devices`, `bench` | cameras and projectors of Python, and the devices of a rig |
+//! | `devices`, `bench` | cameras and projectors written in Python, and the devices of a rig |
 
 mod arrays;
 mod bench;

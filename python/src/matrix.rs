@@ -1,4 +1,4 @@
-//! A sparse matrix whose arrays NumPy sees in place.
+//! A sparse matrix whose arrays NumPy reads without a copy.
 
 use krylux::sparse::Csr;
 use numpy::ndarray::ArrayView1;
@@ -7,25 +7,25 @@ use pyo3::prelude::*;
 
 use crate::errors;
 
-/// Keeps the arrays of a matrix alive for the views of them.
+/// A matrix. It keeps its arrays alive as long as NumPy has views of them.
 #[pyclass(frozen, weakref, module = "krylux._krylux", name = "Matrix")]
 pub(crate) struct Matrix(pub(crate) Csr);
 
 #[pymethods]
 impl Matrix {
-    /// Rows and columns.
+    /// The numbers of rows and columns.
     #[getter]
     fn shape(&self) -> (usize, usize) {
         (self.0.rows(), self.0.cols())
     }
 
-    /// `(data, indices, indptr)` as SciPy has them: views, which cannot be written to, and offsets that are made anew. `indptr` is 64 bits wide for a matrix of 2³¹ entries
-    /// or more; SciPy then widens `indices` too, by a copy.
+    /// The arrays `(data, indices, indptr)` of SciPy's format. The first two are read-only views, and `indptr` is a new array. For a matrix
+    /// of 2³¹ entries or more, `indptr` is 64 bits wide. SciPy then also widens `indices`, by a copy.
     fn arrays<'py>(
         slf: &Bound<'py, Self>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let (py, matrix) = (slf.py(), &slf.get().0);
-        // Columns are below 2³¹ wherever they are read as signed numbers: SciPy has no matrices of unsigned ones.
+        // Columns can be read as signed numbers, since they are below 2³¹. SciPy has no matrices with unsigned indices.
         let columns: &[i32] = bytemuck::cast_slice(matrix.columns());
         let starts = matrix.row_start().iter();
         let starts = match i32::try_from(matrix.weights().len().max(matrix.cols())) {
@@ -36,7 +36,7 @@ impl Matrix {
     }
 }
 
-/// An array of NumPy on memory that `owner` keeps.
+/// A NumPy array on memory that `owner` keeps alive.
 fn view<'py, T: Element>(owner: &Bound<'py, Matrix>, values: &[T]) -> PyResult<Bound<'py, PyAny>> {
     let values = ArrayView1::from(values);
     #[allow(
@@ -49,11 +49,11 @@ fn view<'py, T: Element>(owner: &Bound<'py, Matrix>, values: &[T]) -> PyResult<B
     Ok(array.into_any())
 }
 
-/// The number of columns of a matrix of SciPy, and its data, indices and row starts.
+/// A matrix of SciPy: the number of columns, the data, the indices and the row starts.
 type Arrays<'py> =
     (usize, PyReadonlyArray1<'py, f64>, PyReadonlyArray1<'py, i64>, PyReadonlyArray1<'py, i64>);
 
-/// A matrix of SciPy, whose arrays are copied once.
+/// Converts a matrix of SciPy. Its arrays are copied once.
 pub(crate) fn csr(py: Python<'_>, (cols, data, indices, indptr): &Arrays<'_>) -> PyResult<Csr> {
     let refused = |_| errors::option(py, "source", "its columns exceed 32 bits", "give a smaller matrix");
     let row_start = indptr.as_slice()?.iter().map(|&start| usize::try_from(start)).collect::<Result<_, _>>();

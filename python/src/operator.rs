@@ -1,4 +1,4 @@
-//! A part of a laboratory's light transport: products with vectors of NumPy.
+//! A part of a laboratory's light transport, as an operator for products with NumPy vectors.
 
 use krylux::lab::LabOperator;
 use krylux::operator::{Adjoint, Operator as _, Symmetry};
@@ -32,9 +32,9 @@ impl Operator {
     }
 }
 
-/// Refuses NaN and infinite entries. It is done here because a look at each number in NumPy takes as long as some hundredth of a product.
+/// Refuses NaN and infinite entries. The same check in NumPy would take about a hundredth of the time of a product.
 fn check_finite(py: Python<'_>, argument: &str, values: &[f64]) -> PyResult<()> {
-    // 0 v is 0 for a finite number, and NaN for any other, which stays in the sum. Eight sums beside each other are vectorized.
+    // The product 0 v is 0 for a finite number, and NaN for any other number. NaN stays in the sum. Eight independent sums are vectorized.
     let (chunks, rest) = values.as_chunks::<8>();
     let mut sums = [0.0; 8];
     for chunk in chunks {
@@ -50,24 +50,24 @@ fn check_finite(py: Python<'_>, argument: &str, values: &[f64]) -> PyResult<()> 
 
 #[pymethods]
 impl Operator {
-    /// Products so far, those with the transpose among them.
+    /// The number of products so far, including products with the transpose.
     fn photos(&self, py: Python<'_>) -> PyResult<usize> {
         self.operator.with(py, |operator| Ok(operator.photos()))
     }
 
-    /// Standard errors of the products of the last call.
+    /// The standard errors of the products of the last call.
     fn standard_errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         Ok(self.operator.with(py, |operator| Ok(operator.standard_errors()))?.into_pyarray(py))
     }
 
-    /// `A x`, or `Aᵀ x`.
+    /// The product `A x`, or `Aᵀ x`.
     fn product<'py>(
         &self,
         x: PyReadonlyArray1<'py, f64>,
         adjoint: bool,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let py = x.py();
-        // Most vectors are contiguous.
+        // Only a vector that is not contiguous is copied.
         let copied = if x.is_contiguous() { Vec::new() } else { x.as_array().to_vec() };
         let x = if copied.is_empty() { x.as_slice()? } else { &copied };
         check_finite(py, if adjoint { "y" } else { "x" }, x)?;
@@ -79,8 +79,8 @@ impl Operator {
         Ok(y.into_pyarray(py))
     }
 
-    /// The least seconds of a product `A x` in so many, as Rust takes it: into a new vector, which is freed. It is the measure of what Python
-    /// adds, which makes and frees an array, too.
+    /// The shortest time of `repeats` products `A x` in Rust, in seconds. Each product makes and frees a vector. The comparison with
+    /// Python, which makes and frees an array instead, shows the time that Python adds.
     fn seconds(&self, x: PyReadonlyArray1<'_, f64>, repeats: usize) -> PyResult<f64> {
         let (py, x) = (x.py(), x.as_slice()?);
         self.operator.with(py, |operator| {
@@ -96,7 +96,7 @@ impl Operator {
         })
     }
 
-    /// The products of the rows of `xs`, as rows: one block of krylux.
+    /// The products with the rows of `xs`, as rows. They are computed as one block.
     fn products<'py>(&self, xs: PyReadonlyArray2<'py, f64>, adjoint: bool) -> PyResult<Bound<'py, PyAny>> {
         let (py, count, length) = (xs.py(), xs.shape()[0], xs.shape()[1]);
         check_finite(py, if adjoint { "Y" } else { "X" }, xs.as_slice()?)?;

@@ -1,4 +1,4 @@
-//! How a source is opened: the arguments of `krylux.open` as settings of krylux.
+//! The arguments of `krylux.open`, as settings for opening a source.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use crate::devices::ProgramDevices;
 use crate::watch::Watcher;
 use crate::{errors, matrix};
 
-/// A dictionary of the source and of the arguments beside it.
+/// A dictionary with the source and the other arguments.
 #[derive(FromPyObject)]
 pub(crate) struct Request(Py<PyAny>);
 
@@ -27,7 +27,7 @@ impl Request {
         let asked = self.0.bind(py);
         let source: PathBuf = item(asked, "source")?;
         let mut builder = match (item(asked, "matrix")?, item::<Option<String>>(asked, "rig")?) {
-            // The source of these is a name.
+            // A matrix or a rig's text is already in memory, so the source is only a name.
             (Some(matrix), _) => {
                 Lab::builder_of_matrix(matrix::csr(py, &matrix)?, source.display().to_string())
             }
@@ -66,7 +66,7 @@ fn settings(asked: &Bound<'_, PyAny>) -> PyResult<Settings> {
         false => chosen(asked, "sampler", &samplers)?,
     };
     Ok(Settings {
-        // Processes under MPI are started by the program.
+        // Python has no team, because only the program starts processes under MPI.
         team: None,
         view: View {
             camera: item(asked, "camera")?,
@@ -105,7 +105,7 @@ pub(crate) fn item<'py, T: FromPyObjectOwned<'py>>(asked: &Bound<'py, PyAny>, ar
     asked.get_item(argument)?.extract().map_err(Into::into)
 }
 
-/// The choice that an argument in a dictionary names.
+/// The choice that an argument in the dictionary names.
 pub(crate) fn chosen<T: Copy>(
     asked: &Bound<'_, PyAny>,
     argument: &str,
@@ -114,7 +114,7 @@ pub(crate) fn chosen<T: Copy>(
     one_of(asked.py(), argument, &item::<String>(asked, argument)?, choices)
 }
 
-/// The choice of this name; `argument` is the one at fault where there is none.
+/// The choice with this name. If there is none, the error names `argument`.
 pub(crate) fn one_of<T: Copy>(
     py: Python<'_>,
     argument: &str,

@@ -1,5 +1,4 @@
-//! The verbs that krylux declares: their fields come as keyword arguments, their answers go out as attributes, and are kept until they are
-//! saved.
+//! The verbs of krylux. Their fields are keyword arguments, and their answers are attributes. Answers are kept until they are saved.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -20,10 +19,10 @@ use crate::arrays::{self, Fields, shaped};
 use crate::errors::{self, in_python};
 use crate::lab::Lab;
 
-/// The name of a verb, what it is for, and its parameters: name, default as JSON, type, and help.
+/// The name of a verb, its purpose, and its parameters: name, default as JSON, type, and help.
 type Signature = (&'static str, String, Vec<(String, String, String, String)>);
 
-/// The verbs that [`Lab::ask`] knows.
+/// The verbs for [`Lab::ask`].
 #[pyfunction]
 pub(crate) fn verbs() -> Vec<Signature> {
     let described = |verb: &Declared| {
@@ -34,7 +33,7 @@ pub(crate) fn verbs() -> Vec<Signature> {
     VERBS.iter().map(described).collect()
 }
 
-/// An answer as krylux has it.
+/// An answer of the library.
 #[pyclass(frozen, module = "krylux._krylux", name = "Answer")]
 pub(crate) struct Answer(Mutex<Box<dyn Answering + Send>>);
 
@@ -44,10 +43,10 @@ impl Answer {
     }
 }
 
-/// Arrays that are given in place of files: the field, the name among several, and the array.
+/// Arrays in place of files: the field, the name if the field takes several arrays, and the array.
 type Arrays<'py> = Vec<(String, String, PyReadonlyArrayDyn<'py, f64>)>;
 
-/// The request with its arrays.
+/// Passes the arrays to the request.
 fn give<V: AnyVerb + ?Sized>(py: Python<'_>, request: &mut V, arrays: Arrays<'_>) -> PyResult<()> {
     for (field, name, array) in arrays {
         let (shape, values) = (array.shape().to_vec(), array.as_slice()?.to_vec());
@@ -57,14 +56,14 @@ fn give<V: AnyVerb + ?Sized>(py: Python<'_>, request: &mut V, arrays: Arrays<'_>
     Ok(())
 }
 
-/// The fields of keyword arguments whose values are JSON.
+/// Parses keyword arguments, whose values are JSON, into fields.
 fn fields(py: Python<'_>, asked: BTreeMap<String, String>) -> PyResult<Map<String, Value>> {
     let parsed = asked.into_iter().map(|(name, value)| Ok((name, serde_json::from_str(&value)?)));
     let fields = parsed.collect::<Result<_, serde_json::Error>>();
     fields.map_err(|why| errors::raise(py, &Error::Numerical(why.to_string())))
 }
 
-/// The request of keyword arguments.
+/// Makes a request from keyword arguments.
 pub(crate) fn request<V: Serialize + DeserializeOwned + Default>(
     py: Python<'_>,
     asked: BTreeMap<String, String>,
@@ -92,7 +91,7 @@ impl Lab {
         Ok((arrays, facts, Answer(Mutex::new(found))))
     }
 
-    /// The plan of a verb: what it will cost on a rig, and how good its answer will be.
+    /// Plans a verb: predicts its cost on a rig and the error of its answer.
     fn plan<'py>(
         &self,
         py: Python<'py>,
@@ -126,7 +125,7 @@ pub(crate) fn attributes<'py>(
     Ok((arrays_of(py, &content)?, facts.0))
 }
 
-/// The facts and the arrays of a content by name. An array replaces the fact of its name.
+/// The facts and the arrays of an answer's content by name. An array replaces a fact with the same name.
 pub(crate) fn attributes_of<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Bound<'py, PyDict>> {
     let fields = facts_of(py, content)?;
     fields.0.update(arrays_of(py, content)?.as_mapping())?;
@@ -141,7 +140,7 @@ fn facts_of<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Fields<'py>
     Ok(facts)
 }
 
-/// The arrays by name; those that share a name are a dictionary by their number.
+/// The arrays by name. Arrays with the same name form a dictionary, with their numbers as keys.
 fn arrays_of<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
     for array in &content.arrays {

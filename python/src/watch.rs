@@ -1,4 +1,4 @@
-//! The observer of a laboratory: progress and messages go to Python, and signals come from it.
+//! The observer of a laboratory. It passes progress and messages to Python, and receives signals from Python.
 
 use std::ops::ControlFlow;
 
@@ -7,12 +7,12 @@ use pyo3::prelude::*;
 
 use crate::work;
 
-/// Tells Python of progress and messages, and stops where a signal or a callback raises. It is extracted from the function that shows
-/// progress, or from nothing.
+/// Passes progress and messages to Python. It stops the work when a signal handler or a callback raises an exception. It is converted from
+/// the function that shows progress, or from `None`.
 pub(crate) struct Watcher {
-    /// `(stage, done, total, estimate)`.
+    /// The function for progress, with the arguments `(stage, done, total, estimate)`.
     progress: Option<Py<PyAny>>,
-    /// `(level, message)`.
+    /// The function for messages, with the arguments `(level, message)`.
     log: Py<PyAny>,
 }
 
@@ -29,7 +29,7 @@ impl Watcher {
         Ok(Self { progress, log: py.import("krylux._progress")?.getattr("log")?.unbind() })
     }
 
-    /// Runs `ask` in Python, unless an exception waits there already.
+    /// Runs `ask` in Python, unless an exception is already kept.
     fn ask(ask: impl FnOnce(Python<'_>) -> PyResult<()>) -> ControlFlow<()> {
         match work::has_caught() || work::in_python(ask).is_err() {
             true => ControlFlow::Break(()),
@@ -55,7 +55,7 @@ impl Observer for Watcher {
             Level::Info => "info",
             Level::Detail => "detail",
         };
-        // Whether to go on is asked at the next step.
+        // The result is ignored, because the next step checks whether to stop.
         let _ = Self::ask(|py| self.log.call1(py, (level, message)).map(|_| ()));
     }
 

@@ -1,4 +1,4 @@
-//! Calls into krylux: without the interpreter's lock, with signals and exceptions of Python in their place.
+//! Calls into krylux without the interpreter's lock. Signals and Python exceptions are passed on.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -11,23 +11,24 @@ use pyo3::prelude::*;
 use crate::errors;
 
 thread_local! {
-    /// The exception that Python code raised during the call that runs on this thread: code of a camera, of a callback, of a signal.
+    /// The exception that Python code (a camera, a callback or a signal handler) raised during the current call on this thread.
     static CAUGHT: RefCell<Option<PyErr>> = const { RefCell::new(None) };
 }
 
-/// Keeps an exception until the call that runs on this thread ends: krylux itself knows only its own errors.
+/// Keeps an exception until the current call on this thread ends, because krylux itself returns only its own errors.
 pub(crate) fn keep(error: PyErr) {
     CAUGHT.with(|caught| {
         caught.borrow_mut().get_or_insert(error);
     });
 }
 
-/// Whether an exception waits for the end of the call on this thread.
+/// Whether an exception is kept for the end of the current call on this thread.
 pub(crate) fn has_caught() -> bool {
     CAUGHT.with(|caught| caught.borrow().is_some())
 }
 
-/// Runs `call` in Python. An exception is kept, and the error stands for it; so it does where the interpreter ends.
+/// Runs `call` in Python. If it raises an exception, the exception is kept, and an error is returned in its place. If the interpreter is
+/// ending, an error is returned, too.
 pub(crate) fn in_python<T>(call: impl FnOnce(Python<'_>) -> PyResult<T>) -> krylux::Result<T> {
     let done = Python::try_attach(call).ok_or(Error::Interrupted)?;
     done.map_err(|error| {
@@ -36,8 +37,8 @@ pub(crate) fn in_python<T>(call: impl FnOnce(Python<'_>) -> PyResult<T>) -> kryl
     })
 }
 
-/// Runs `body` without the interpreter's lock. An exception that Python code raised in it comes out unchanged; an error of krylux comes
-/// out as `krylux.Error`, and so does a panic, which never ends the interpreter.
+/// Runs `body` without the interpreter's lock. An exception that Python code raises inside it is passed on unchanged. An error of krylux
+/// becomes `krylux.Error`. A panic becomes an exception, too, and never ends the interpreter.
 pub(crate) fn detached<T: Send>(
     py: Python<'_>,
     body: impl FnOnce() -> krylux::Result<T> + Send,
@@ -52,7 +53,7 @@ pub(crate) fn detached<T: Send>(
 
 type Guarded<T> = (std::thread::Result<krylux::Result<T>>, Option<PyErr>);
 
-/// Runs `body`; a call within a call, from a callback of Python, has exceptions of its own.
+/// Runs `body`. If it is a call within another call, from a Python callback, it keeps its exceptions separately.
 fn guarded<T>(body: impl FnOnce() -> krylux::Result<T>) -> Guarded<T> {
     let outer = CAUGHT.with(RefCell::take);
     let done = catch_unwind(AssertUnwindSafe(body));
@@ -60,13 +61,13 @@ fn guarded<T>(body: impl FnOnce() -> krylux::Result<T>) -> Guarded<T> {
     (done, caught)
 }
 
-/// What a panic said.
+/// The message of a panic.
 fn text_of(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no reason given".into())
 }
 
-/// The threads for products in a process that was forked after this one had started its own.
+/// The threads for products in a process that was forked after its parent had started threads.
 static CHILD_POOL: Mutex<Option<(u32, Arc<rayon::ThreadPool>)>> = Mutex::new(None);
 
 /// The process that imported the package.
@@ -77,8 +78,7 @@ pub(crate) fn note_process() {
     IMPORTED_BY.get_or_init(std::process::id);
 }
 
-/// Runs `body` where its parallel loops find threads. A forked child has none of its parent's threads, and would wait for them without
-/// end; it gets threads of its own.
+/// Runs `body` in a thread pool of this process. A forked child has none of its parent's threads, and would wait for them forever.
 fn in_pool<T: Send>(body: impl FnOnce() -> T + Send) -> T {
     let process = std::process::id();
     if IMPORTED_BY.get() == Some(&process) {
@@ -90,7 +90,7 @@ fn in_pool<T: Send>(body: impl FnOnce() -> T + Send) -> T {
             Some((_, pool)) => Ok(Arc::clone(pool)),
             None => rayon::ThreadPoolBuilder::new().build().map(|pool| {
                 let pool = Arc::new(pool);
-                // The parent's pool, if this is a child of a child, has no threads here: it must not be joined.
+                // In a child of a child, the earlier pool belongs to the parent, and its threads do not exist here. It must not be joined.
                 std::mem::forget(known.replace((process, Arc::clone(&pool))));
                 pool
             }),
@@ -98,13 +98,12 @@ fn in_pool<T: Send>(body: impl FnOnce() -> T + Send) -> T {
     };
     match pool {
         Ok(pool) => pool.install(body),
-        // Without threads the loops run one after the other on this one.
+        // Without a pool, parallel loops run on this thread.
         Err(_) => body(),
     }
 }
 
-/// Something that threads use in turns until it is taken away. It is of the process that made it: in a forked child, what it stands for
-/// belongs to the parent, and is neither used nor closed.
+/// A value that threads use in turns until it is taken away. In a forked child of its process, the value is neither used nor closed.
 pub(crate) struct Held<T> {
     kept: Mutex<Option<T>>,
     process: u32,
@@ -119,17 +118,17 @@ impl<T> Held<T> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether it was taken away.
+    /// Whether the value was taken away.
     pub(crate) fn is_taken(&self) -> bool {
         self.lock().is_none()
     }
 
-    /// Takes it away; a forked child gets nothing.
+    /// Takes the value away. A forked child gets `None`.
     pub(crate) fn take(&self) -> Option<T> {
         if self.process == std::process::id() { self.lock().take() } else { None }
     }
 
-    /// Lets `work` use it, without the interpreter's lock.
+    /// Lets `work` use the value, without the interpreter's lock.
     pub(crate) fn with<R: Send>(
         &self,
         py: Python<'_>,

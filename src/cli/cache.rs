@@ -1,4 +1,4 @@
-//! `krylux cache`: the matrices that earlier runs left on disk.
+//! `krylux cache`: the matrices that earlier runs stored on disk.
 
 use std::time::SystemTime;
 

@@ -1,4 +1,4 @@
-//! `krylux compare`: how alike two images are.
+//! `krylux compare`: the similarity of two images.
 
 use std::path::{Path, PathBuf};
 
@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         "rmse": found.rmse,
         "relative_rmse": found.relative_rmse,
         "largest": found.largest,
-        // JSON has no infinity: equal images have none.
+        // Equal images have an infinite PSNR, which JSON cannot represent, so it becomes null.
         "psnr": Some(found.psnr).filter(|psnr| psnr.is_finite()),
         "ssim": found.ssim,
         "range": found.range,
@@ -84,7 +84,7 @@ fn compared(args: &Args, image: &Image, reference: &Image) -> Result<Similarity>
     similarity(image, reference, args.range.unwrap_or_else(|| data_range(reference)))
 }
 
-/// Checks that the files state images of one size, where they state any, before a pixel is decoded.
+/// Checks, before a pixel is decoded, that both images have the same size. A file that does not state its size is not checked here.
 fn require_common_size(args: &Args) -> Result<()> {
     let [image, reference] = [&args.image, &args.reference].map(|path| picture::stated_sizes(path));
     let (image, reference) = (image?, reference?);
@@ -107,7 +107,7 @@ fn channels(image: &Image) -> &'static str {
     if image.channels() == 1 { "one channel" } else { "three channels" }
 }
 
-/// What is worse than asked for.
+/// A sentence for each bound that the images miss.
 fn misses(args: &Args, found: &Similarity) -> Result<Vec<String>> {
     if args.min_ssim.is_some() && found.ssim.is_none() {
         return Err(Error::option("--min-ssim", "the images are smaller than SSIM's window, 11x11 pixels")
@@ -122,7 +122,7 @@ fn misses(args: &Args, found: &Similarity) -> Result<Vec<String>> {
     let miss = |(name, value, bound, side): (&str, f64, Option<f64>, &str)| {
         let bound = bound?;
         let is_beyond = if side == "above" { value > bound } else { value < bound };
-        // A threshold of NaN is missed, not passed.
+        // A threshold of NaN counts as missed.
         let is_missed = is_beyond || bound.is_nan();
         is_missed.then(|| format!("{name}, {}, is {side} {bound}", decimal(value, 5)))
     };
@@ -147,7 +147,7 @@ fn say(found: &Similarity, console: &Console) -> Result<()> {
     }
 }
 
-/// `A − B`; as a picture, the mean over the channels.
+/// Writes `A − B`. A picture shows the mean over the channels.
 fn write_difference(file: &Path, image: &Image, reference: &Image) -> Result<()> {
     let samples = image.samples().iter().zip(reference.samples());
     let difference = Image::new(image.resolution(), image.channels(), samples.map(|(a, b)| a - b).collect())?;

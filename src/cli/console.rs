@@ -1,4 +1,4 @@
-//! What the user sees: results on stdout; messages, progress bars and errors on stderr; Ctrl-C.
+//! The output to the user: results on stdout; messages, progress bars and errors on stderr. Also handles Ctrl-C.
 
 use std::fmt::Display;
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -13,8 +13,7 @@ use crate::error::{Error, Result};
 use crate::observer::{Level, Observer, PhotoTaken, Step};
 use crate::team::Team;
 
-/// Stdout and stderr, the progress of the computation at hand, and whether the user has asked to stop. It observes everything that takes
-/// long.
+/// Stdout and stderr, the progress of the running computation, and whether the user has pressed Ctrl-C. It observes all long computations.
 #[derive(Clone)]
 pub(super) struct Console {
     json: bool,
@@ -22,16 +21,16 @@ pub(super) struct Console {
     verbose: bool,
     allows_programs: bool,
     interrupted: Arc<AtomicBool>,
-    /// Whether any work has asked so far if it shall stop.
+    /// Whether any work has checked so far whether it must stop.
     asked: Arc<AtomicBool>,
     progress: Arc<Mutex<Progress>>,
-    /// The processes that help this one.
+    /// The processes that help this process.
     team: Option<Arc<Team>>,
 }
 
 impl Console {
-    /// Watches for Ctrl-C from now on: the first one asks to stop, the second one stops the program. So does the first one before any work
-    /// that can be stopped has begun: while files are read.
+    /// Handles Ctrl-C from now on. The first Ctrl-C asks the running work to stop, and the second ends the program. If no work has checked
+    /// so far whether it must stop, for example while files are read, the first Ctrl-C ends the program.
     pub(super) fn new(args: &GlobalArgs, team: Option<Arc<Team>>) -> Self {
         let interrupted = Arc::new(AtomicBool::new(false));
         let asked = Arc::new(AtomicBool::new(false));
@@ -51,10 +50,10 @@ impl Console {
         console
     }
 
-    /// A line of the result on stdout; nothing with `--json` or `-q`.
+    /// Writes a line of the result on stdout. With `--json` or `-q`, nothing is written.
     ///
     /// # Errors
-    /// [`Error::Write`] when stdout cannot be written. A reader who has gone (`krylux … | head`) is not an error.
+    /// [`Error::Write`] when stdout cannot be written. A closed pipe (`krylux … | head`) is not an error.
     pub(super) fn say(&self, line: impl Display) -> Result<()> {
         if self.json || self.quiet {
             return Ok(());
@@ -63,7 +62,7 @@ impl Console {
         written(writeln!(std::io::stdout().lock(), "{}", shown(line)))
     }
 
-    /// Text that is the result itself, such as a script, on stdout as it is; nothing with `--json`, whose summary holds it.
+    /// Writes a text that is itself the result, such as a script, unchanged on stdout. With `--json`, the summary contains it instead.
     ///
     /// # Errors
     /// As [`Self::say`].
@@ -74,7 +73,7 @@ impl Console {
         written(std::io::stdout().lock().write_all(text.as_bytes()))
     }
 
-    /// The machine-readable summary on stdout; nothing without `--json`.
+    /// Writes the machine-readable summary on stdout. Without `--json`, nothing is written.
     ///
     /// # Errors
     /// As [`Self::say`].
@@ -85,7 +84,7 @@ impl Console {
         written(writeln!(std::io::stdout().lock(), "{summary:#}"))
     }
 
-    /// A line on stderr; nothing with `-q`. A stderr that cannot be written stops nothing.
+    /// Writes a line on stderr, but not with `-q`. Work continues if stderr cannot be written.
     pub(super) fn note(&self, line: impl Display) {
         if !self.quiet {
             self.progress().clear();
@@ -93,14 +92,14 @@ impl Console {
         }
     }
 
-    /// A line on stderr with `-v` only.
+    /// Writes a line on stderr with `-v` only.
     pub(super) fn detail(&self, line: impl Display) {
         if self.verbose {
             self.note(line);
         }
     }
 
-    /// The error that ends the program.
+    /// Writes the error that ends the program.
     pub(super) fn error(&self, error: &Error) {
         self.progress().clear();
         let line = match self.json {
@@ -123,7 +122,7 @@ impl Console {
         }
     }
 
-    /// As [`Self::check`], as an error.
+    /// As [`Self::check`], but a stop is returned as an error.
     ///
     /// # Errors
     /// [`Error::Interrupted`].
@@ -131,27 +130,27 @@ impl Console {
         if self.check().is_break() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
-    /// The processes that help this one, if several were started together.
+    /// The processes that help this process, if several were started together.
     pub(super) fn team(&self) -> Option<Arc<Team>> {
         self.team.clone()
     }
 
-    /// Whether pictures may be drawn among the lines of the result: stdout is a terminal, and lines are said.
+    /// Whether pictures may be drawn among the lines of the result. Stdout must be a terminal, and lines must not be suppressed.
     pub(super) fn draws_pictures(&self) -> bool {
         !self.json && !self.quiet && std::io::stdout().is_terminal()
     }
 
-    /// Whether the programs may be run that a rig file names.
+    /// Whether programs that a rig file names may be run.
     pub(super) fn allows_programs(&self) -> bool {
         self.allows_programs
     }
 
-    /// One line that is rewritten again and again.
+    /// A single line that is rewritten repeatedly.
     pub(super) fn line(&self) -> Bar {
         Bar::new(self.quiet, "", LINE)
     }
 
-    /// What is shown of a running computation.
+    /// The display of a running computation.
     pub(super) fn progress(&self) -> MutexGuard<'_, Progress> {
         self.progress.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -161,7 +160,7 @@ impl Observer for Console {
     fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
         self.progress().step(step);
         if step.stage == "loading" {
-            // Between these steps nothing may ask whether to stop for long, so that Ctrl-C still ends the program at once.
+            // The check is not recorded here. Files may be read for long between these steps, so the first Ctrl-C must end the program.
             return self.is_interrupted();
         }
         self.check()
@@ -171,7 +170,7 @@ impl Observer for Console {
         match level {
             Level::Warning | Level::Note => self.note(message),
             Level::Detail => self.detail(message),
-            // A result that cannot be written is an error when the verb writes its own.
+            // An error is ignored here, because it occurs again when the verb writes its own result.
             Level::Info => drop(self.say(message)),
         }
     }
@@ -186,7 +185,7 @@ impl Observer for Console {
     }
 }
 
-/// An error as one JSON object: `{"error": …, "help": …}`. The help is null where the message has none.
+/// An error as one JSON object: `{"error": …, "help": …}`. If the message has no help, the help is null.
 fn json_of(message: &str) -> String {
     let (error, help) = match message.split_once("\n  help: ") {
         Some((error, help)) => (error, Some(help)),
@@ -195,7 +194,7 @@ fn json_of(message: &str) -> String {
     serde_json::json!({ "error": error, "help": help }).to_string()
 }
 
-/// A line as it is shown: control characters in names from files are escaped, so that they do not change the terminal.
+/// The line with escaped control characters. Names from files may contain such characters, which would change the terminal.
 fn shown(line: impl Display) -> String {
     let line = line.to_string();
     if !line.contains(|c: char| c.is_control() && c != '\n') {
@@ -206,7 +205,7 @@ fn shown(line: impl Display) -> String {
     line.chars().map(escaped).collect()
 }
 
-/// A reader of our output who has gone is not an error.
+/// Ignores the error of a closed pipe.
 fn written(done: std::io::Result<()>) -> Result<()> {
     match done {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::writing("standard output")(error)),
@@ -214,19 +213,19 @@ fn written(done: std::io::Result<()>) -> Result<()> {
     }
 }
 
-/// Says why the command line cannot be parsed, as JSON with `--json`; or prints the help that was asked for.
+/// Reports why the command line cannot be parsed, as JSON with `--json`, or prints the requested help.
 pub(super) fn report_usage(why: &clap::Error) -> ExitCode {
     let wants_json = std::env::args_os().any(|argument| argument == "--json");
     if why.use_stderr() && wants_json {
         let _ = writeln!(std::io::stderr().lock(), "{}", json_of(&as_error_and_help(&why.to_string())));
     } else {
-        // A reader who has gone is not an error.
+        // The error is ignored, since the pipe may be closed.
         let _ = why.print();
     }
     ExitCode::from(u8::try_from(why.exit_code()).unwrap_or(2))
 }
 
-/// The message in the form of krylux's own errors: what is wrong first, then what to do about it.
+/// The message in the form of krylux's own errors: first the fault, then the help.
 fn as_error_and_help(message: &str) -> String {
     let message = message.trim();
     let (error, help) = message.split_once("\n\n").unwrap_or((message, "see --help"));

@@ -1,4 +1,4 @@
-//! A painting page as one file, which holds the matrix and needs no server.
+//! A painting page as one file, which contains the matrix and needs no server.
 
 use std::path::Path;
 
@@ -11,16 +11,16 @@ use crate::lab::text::percent;
 use crate::paint::Canvas;
 use crate::paint::page::{EmbedOptions, Embedded, Kept, Precision};
 
-/// The largest page that is written beside a report: the default of `--max-size`.
+/// The size limit of a page beside a report. It equals the default of `--max-size`.
 const MAX_BYTES: usize = 32 << 20;
 
-/// Writes a page beside a report, as [`write_with`] does.
+/// Writes a page beside a report, as [`write_with`].
 pub(super) fn write(file: &Path, canvas: &mut Canvas<'_>, kept: Kept, console: &Console) -> Result<Value> {
     let options = EmbedOptions { precision: Precision::Half, max_bytes: Some(MAX_BYTES), kept };
     write_with(file, canvas, &options, console)
 }
 
-/// Writes a page as one file; says how large it is, and how far its photos are off.
+/// Writes a page as one file, and reports its size and the error of its photos.
 pub(super) fn write_with(
     file: &Path,
     canvas: &mut Canvas<'_>,

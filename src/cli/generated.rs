@@ -1,4 +1,4 @@
-//! `krylux completions` and `krylux man`: scripts of shells and manual pages, made from the command line itself.
+//! `krylux completions` and `krylux man`: shell scripts and manual pages, generated from the command line itself.
 
 use std::path::{Path, PathBuf};
 
@@ -57,7 +57,7 @@ fn script(shell: Shell) -> String {
     String::from_utf8_lossy(&script).into_owned()
 }
 
-/// A command without its hidden verbs, which krylux starts itself.
+/// The command without its hidden verbs. Only krylux itself runs hidden verbs.
 fn visible(command: &Command) -> Command {
     let verbs = command.get_subcommands().filter(|verb| !verb.is_hide_set()).cloned();
     Command::new("krylux").args(command.get_arguments().cloned()).subcommands(verbs)
@@ -93,7 +93,7 @@ pub(super) fn manual(args: &Manual, console: &Console) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The page of the program.
+/// The manual page of the program.
 fn main_page() -> Result<Vec<u8>> {
     let mut page = Vec::new();
     Man::new(Cli::command().disable_help_subcommand(true))
@@ -102,7 +102,7 @@ fn main_page() -> Result<Vec<u8>> {
     Ok(page)
 }
 
-/// Writes all pages and gives their names, sorted.
+/// Writes all manual pages and returns their names, sorted.
 fn write_all(folder: &Path) -> Result<Vec<String>> {
     std::fs::create_dir_all(folder).map_err(Error::writing(folder))?;
     clap_mangen::generate_to(Cli::command(), folder).map_err(Error::writing(folder))?;

@@ -1,4 +1,4 @@
-//! `krylux info`: the adapters, and what is in a scene or a rig file.
+//! `krylux info`: the adapters, and the content of a scene or a rig file.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -94,16 +94,16 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         "scene": scene.as_ref().map(describe),
         "rig": rig,
     }))?;
-    // A rig may do without.
+    // The command fails without an adapter, unless the source is a rig, which may not need one.
     if adapters.is_empty() && rig.is_none() {
         return Err(render::no_adapter());
     }
     Ok(Outcome::Done)
 }
 
-/// Loads the scene and says what was ignored in it.
+/// Loads the scene and reports what was ignored in it.
 fn load(path: &Path, view: &ViewArgs, console: &Console) -> Result<Scene> {
-    // A scene without a camera is described, too.
+    // A camera is placed if the scene has none, so that such a scene is described, too.
     let scene = scene::load_with(path, &LoadOptions { auto_camera: true, ..view.options() })?;
     for warning in &scene.warnings {
         console.note(format_args!("warning: {}: {warning}", scene.path.display()));
@@ -152,9 +152,9 @@ fn say_scene(scene: &Scene, console: &Console) -> Result<()> {
     console.say(format_args!("  regions {} ({kind}): {}", scene.regions.len(), scene.regions.join(", ")))
 }
 
-/// Draws what the camera sees, in the terminal and into the file that was asked for.
+/// Draws the camera's view, in the terminal and into the requested file.
 fn show(scene: &Scene, args: &Args, console: &Console) -> Result<()> {
-    // Photos are square unless --size says otherwise.
+    // Photos are square by default.
     let aspect = scene.camera.aspect.unwrap_or(1.0);
     if args.draw || console.draws_pictures() {
         console.print(&half_blocks(&picture(scene, drawn_size(aspect))?))?;
@@ -198,22 +198,22 @@ fn describe(scene: &Scene) -> serde_json::Value {
     })
 }
 
-/// The least and the greatest coordinates, as in the file.
+/// The smallest and the largest coordinates, as in the file.
 fn bounds(scene: &Scene) -> (DVec3, DVec3) {
     let [low, high] = scene.bounds().map(|corner| corner.as_dvec3() + scene.origin);
     (low, high)
 }
 
-/// Columns of a picture in the terminal.
+/// The number of columns of a picture in the terminal.
 const COLUMNS: usize = 48;
 
-/// The size of a picture with this ratio of width to height: two rows of pixels in a line of characters, which are twice as high as wide.
+/// The size of a picture with this aspect ratio. A character is twice as high as wide, and shows two rows of pixels.
 fn drawn_size(aspect: f32) -> Resolution {
     let rows = (COLUMNS as f32 / aspect).round().clamp(2.0, 2.0 * COLUMNS as f32) as usize;
     Resolution::new(COLUMNS, rows.next_multiple_of(2))
 }
 
-/// The characters, with 24-bit colours as most terminals know them.
+/// The picture as characters with 24-bit colours, which most terminals support.
 fn half_blocks(picture: &Raster) -> String {
     let size = picture.resolution();
     let mut text = String::new();
@@ -224,7 +224,7 @@ fn half_blocks(picture: &Raster) -> String {
                 true => picture.pixel(column, row + 1),
                 false => [0; 3],
             };
-            // Writing to a string does not fail.
+            // Writing to a string cannot fail.
             let _ = write!(
                 text,
                 "\u{1b}[38;2;{red};{green};{blue};48;2;{below_red};{below_green};{below_blue}m▀"

@@ -56,12 +56,12 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
             tell("matrix join", &content, true, console)
         }
         (None, Some(source)) => write_matrix(args, source, console),
-        // The parser requires one of them.
+        // The parser requires a source or a subcommand.
         (None, None) => Ok(Outcome::Done),
     }
 }
 
-/// The file that is named, or one that is free. Fails if it cannot be written.
+/// The named file, or else an unused file name. Fails if the file cannot be written.
 fn checked(named: Option<&PathBuf>) -> Result<PathBuf> {
     let file = named.cloned().unwrap_or_else(|| free_file("matrix", "npz"));
     sparse::check_writable(&file).map(|()| file)

@@ -1,4 +1,4 @@
-//! Showing a page on the desktop.
+//! Opens pages on the desktop.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -10,8 +10,8 @@ pub(super) fn open(report: &Path, console: &Console) {
     open_page(report, console);
 }
 
-/// Opens a file or an address without waiting for the browser. Where there is no opener, or no screen, a note says where the page is: what
-/// was asked for is done.
+/// Opens a file or an address without waiting for the browser. If there is no opener or no screen, a note gives the location of the page.
+/// This is no error, since the requested page exists.
 pub(super) fn open_page(page: impl AsRef<OsStr>, console: &Console) {
     let page = page.as_ref();
     if let Err(why) = try_open(page) {
@@ -21,7 +21,7 @@ pub(super) fn open_page(page: impl AsRef<OsStr>, console: &Console) {
 }
 
 fn try_open(page: &OsStr) -> Result<(), String> {
-    // Without a screen an opener would fall back to a browser in the terminal.
+    // Without a screen, an opener would start a browser in the terminal.
     let is_unix_desktop = cfg!(all(unix, not(target_os = "macos")));
     if is_unix_desktop && ["DISPLAY", "WAYLAND_DISPLAY"].iter().all(|name| std::env::var_os(name).is_none()) {
         return Err("there is no screen (neither DISPLAY nor WAYLAND_DISPLAY is set)".into());

@@ -70,7 +70,7 @@ pub(super) struct KeepArgs {
 }
 
 impl KeepArgs {
-    /// The folder as that of a run, where there is to be one.
+    /// The options of a run in this folder, if a folder is given.
     pub(super) fn run(&self) -> Option<RunArgs> {
         let Self { folder, overwrite, resume } = self;
         folder.as_ref().map(|folder| RunArgs {
@@ -101,13 +101,13 @@ pub(super) struct GlobalArgs {
     pub(super) allow_programs: bool,
 }
 
-/// The files that a verb writes: those that `-o` names, or else one that is free.
+/// The files that a verb writes: those that `-o` names, or else one unused file name.
 pub(super) fn named_or_free(files: &[PathBuf], name: &str, extension: &str) -> Vec<PathBuf> {
     if files.is_empty() { vec![free_file(name, extension)] } else { files.to_vec() }
 }
 
-/// The file that a verb writes where `-o` names none: `NAME.EXTENSION`, or the first free one of `NAME-2.EXTENSION`, `NAME-3.EXTENSION`, …
-/// A file is replaced only if the user has named it. `NAME.r.EXTENSION` and the like belong to `NAME.EXTENSION`.
+/// The file that a verb writes without `-o`: the first unused name of `NAME.EXTENSION`, `NAME-2.EXTENSION`, `NAME-3.EXTENSION`, … A file is
+/// replaced only if the user names it. Files such as `NAME.r.EXTENSION` belong to `NAME.EXTENSION`.
 pub(super) fn free_file(name: &str, extension: &str) -> PathBuf {
     let names = std::fs::read_dir(".").into_iter().flatten().filter_map(|item| Some(item.ok()?.file_name()));
     let names: Vec<String> = names.filter_map(|name| name.into_string().ok()).collect();
@@ -120,7 +120,7 @@ pub(super) fn free_file(name: &str, extension: &str) -> PathBuf {
         1 => name.to_owned(),
         _ => format!("{name}-{number}"),
     });
-    // Of one stem more than there are files one is free.
+    // There is one more stem than there are files, so one stem is unused.
     let stem = stems.into_iter().find(is_free).unwrap_or_else(|| name.to_owned());
     PathBuf::from(stem + &ending)
 }

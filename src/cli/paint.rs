@@ -1,4 +1,4 @@
-//! `krylux paint`: a page on which light is painted, and the photo seen at once.
+//! `krylux paint`: a page on which the user paints light and sees its photo at once.
 
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -114,7 +114,7 @@ fn write_page(args: &EmbedArgs, file: &Path, canvas: &mut Canvas<'_>, console: &
     Ok(Outcome::Done)
 }
 
-/// What the file shows without asking.
+/// Answers that the file contains, so that it shows them without a request.
 fn kept(args: &EmbedArgs, canvas: &mut Canvas<'_>) -> Result<Kept> {
     let light = if canvas.lights().contains(&Light::Global) { Light::Global } else { Light::All };
     let groups = (!args.groups.is_empty()).then(|| PageQuestion::Groups { groups: args.groups.clone() });
@@ -147,7 +147,7 @@ fn serve_page(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> 
     Ok(Outcome::Done)
 }
 
-/// Says where the page is, and opens it.
+/// Prints the address of the page, and opens the page.
 fn say_address(url: &str, args: &Args, console: &Console) -> Result<()> {
     console.say(format_args!("page      {url}"))?;
     console.summary(&json!({ "verb": "paint", "url": url }))?;

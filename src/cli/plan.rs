@@ -1,4 +1,4 @@
-//! `krylux plan`: what a verb will cost on a rig, or a scene on several machines.
+//! `krylux plan`: the predicted cost of a verb on a rig, or of a scene on several machines.
 
 use super::Outcome;
 use super::asked::Asked;

@@ -1,4 +1,4 @@
-//! What is seen of a computation while it goes on: a bar of light paths, or a line about the photos of a run; and images in a viewer.
+//! The display of a running computation: a bar of light paths or a line about the photos of a run, and images in a viewer.
 
 use std::cell::Cell;
 use std::fmt;
@@ -13,10 +13,10 @@ use crate::machine;
 use crate::observer::{PhotoTaken, Step};
 use crate::report::viewer::{Plane, Viewer};
 
-/// Without a terminal, a line at most so often: a log of hours stays readable.
+/// The shortest time between two lines without a terminal, so that a log of hours stays readable.
 const EVERY: Duration = Duration::from_secs(10);
 
-/// What is shown of a running computation.
+/// The display of a running computation.
 pub(super) struct Progress {
     /// Whether nothing is drawn.
     quiet: bool,
@@ -26,17 +26,17 @@ pub(super) struct Progress {
     viewer: Option<Display>,
 }
 
-/// An image viewer, and what it has to know of the images.
+/// An image viewer, with the facts about the images that it needs.
 pub(super) struct Display {
     pub(super) viewer: Viewer,
     pub(super) name: String,
-    /// Pixels of patterns and of photos.
+    /// The resolutions of patterns and of photos.
     pub(super) sizes: [Resolution; 2],
     pub(super) channels: usize,
 }
 
 impl Progress {
-    /// Nothing is drawn where `quiet`, nor where stderr is no terminal.
+    /// A new display. Nothing is drawn if `quiet`, or if stderr is no terminal.
     pub(super) fn new(quiet: bool) -> Self {
         Self { quiet, steps: None, photos: None, taken: 0, viewer: None }
     }
@@ -46,7 +46,7 @@ impl Progress {
         self.viewer = display;
     }
 
-    /// Takes bar and line off the screen, before something else is written.
+    /// Removes the bar and the line from the screen, before other output is written.
     pub(super) fn clear(&mut self) {
         self.steps = None;
         self.photos = None;
@@ -54,12 +54,12 @@ impl Progress {
 
     pub(super) fn step(&mut self, step: &Step<'_>) {
         match step.stage {
-            // While photos are traced one by one, the line about photos says more.
+            // When photos are traced one by one, only the line about photos is shown, since it tells more.
             "tracing" if self.photos.is_some() => {}
             "loading" | "tracing" | "trials" => {
                 let quiet = self.quiet;
                 let bar = self.steps.get_or_insert_with(|| Bar::new(quiet, step.stage, STEPS));
-                // Whether to go on is asked by the console, and not here: while a scene is loaded, it is not asked at all.
+                // Only the console checks for Ctrl-C. While a scene is loaded, it must not record this check.
                 bar.show(step.done, step.total);
                 if step.done == step.total {
                     self.steps = None;
@@ -90,7 +90,7 @@ impl Progress {
         display.show("photo", of_photo, photo.channel, photo.photo);
     }
 
-    /// Shows a channel of an image in the viewer, if there is one.
+    /// Shows a channel of an image in the viewer, if there is a viewer.
     pub(super) fn show(&self, what: &str, size: Resolution, channel: usize, values: &[f64]) {
         if let Some(display) = &self.viewer {
             display.show(what, size, channel, values);
@@ -111,7 +111,7 @@ impl Display {
     }
 }
 
-/// The line about the photos of a run: rewritten on a terminal, now and then a new one elsewhere.
+/// The line about the photos of a run. A terminal rewrites it. Elsewhere, a new line is written from time to time.
 struct PhotoLine {
     quiet: bool,
     bar: Bar,
@@ -119,7 +119,7 @@ struct PhotoLine {
     start: Instant,
     /// The time of the last line.
     last: Instant,
-    /// Photos of earlier stages, which took another time, and of all stages at most.
+    /// The number of photos of earlier stages, which took a different time each, and the largest number of photos of all stages.
     before: u64,
     total: u64,
 }
@@ -143,13 +143,13 @@ impl PhotoLine {
             return;
         }
         let (done, all) = (taken - self.before, total - self.before);
-        // The console would take the line off the screen; there is none without a terminal.
+        // The line does not go through the console, which would clear the display. Without a terminal, nothing is to be cleared.
         let line = line(done, all, self.start.elapsed(), &self.estimate);
         let _ = writeln!(std::io::stderr().lock(), "{line}");
     }
 }
 
-/// `photos    12 of 50, 8 s gone, about 25 s left, relative residual 0.0012`
+/// The line, such as `photos    12 of 50, 8 s gone, about 25 s left, relative residual 0.0012`.
 fn line(done: u64, total: u64, gone: Duration, estimate: &str) -> String {
     let left = gone.as_secs_f64() / done.max(1) as f64 * total.saturating_sub(done) as f64;
     let comma = if estimate.is_empty() { "" } else { ", " };
@@ -159,7 +159,7 @@ fn line(done: u64, total: u64, gone: Duration, estimate: &str) -> String {
     )
 }
 
-/// Whether it is time for the next line; then the next one's time starts.
+/// Whether it is time for the next line. If so, the time of the last line is set to now.
 fn is_due(last: &mut Instant, now: Instant) -> bool {
     let is_due = now.duration_since(*last) >= EVERY;
     if is_due {
@@ -170,7 +170,7 @@ fn is_due(last: &mut Instant, now: Instant) -> bool {
 
 const STEPS: &str = "{prefix:<9} {bar:32} {percent:>3} %  {elapsed} gone, {eta} left";
 pub(super) const LINE: &str = "{wide_msg}";
-/// One line with what is known of the answer so far. 80 columns hold it with the longest estimate and a thousand photos.
+/// One line about the photos and the current estimate. It fits into 80 columns with the longest estimate and a thousand photos.
 const PHOTOS: &str = "{prefix} {bar:8} {pos}/{len}  {gone} gone, {left} left  {wide_msg}";
 
 /// Whether progress is drawn on a terminal.
@@ -178,7 +178,7 @@ pub(super) fn has_terminal() -> bool {
     std::io::stderr().is_terminal()
 }
 
-/// A progress bar on stderr; nothing is drawn where stderr is no terminal.
+/// A progress bar on stderr. Nothing is drawn if stderr is no terminal.
 pub(super) struct Bar {
     bar: ProgressBar,
     total: Cell<u64>,
@@ -189,19 +189,19 @@ impl Bar {
         let is_hidden = quiet || !has_terminal();
         let target = if is_hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
         let bar = ProgressBar::with_draw_target(Some(0), target);
-        // The templates are constants; the test below settles that they parse.
+        // The templates are constants. The test below checks that they can be parsed.
         if let Ok(style) = style(template) {
             bar.set_style(style);
         }
         bar.set_prefix(what);
-        // The clock of a bar needs a thread. Without one the bar moves when something is done.
+        // The clock of a bar needs a thread. Without a thread, the bar moves only when a step is done.
         if !is_hidden && machine::has_thread() {
             bar.enable_steady_tick(Duration::from_millis(200));
         }
         Self { bar, total: Cell::new(0) }
     }
 
-    /// Something beside it.
+    /// Shows a text beside the bar.
     pub(super) fn say(&self, text: &str) {
         self.bar.set_message(text.to_owned());
     }
@@ -215,9 +215,9 @@ impl Bar {
     }
 }
 
-/// The style of a bar. Its template may have `{gone}` and `{left}`: times in few characters, such as `12s` and `3m`.
+/// The style of a bar. Its template may contain `{gone}` and `{left}`: short times, such as `12s` and `3m`.
 fn style(template: &str) -> Result<ProgressStyle, TemplateError> {
-    // A time that cannot be formatted is left out; nothing else depends on it.
+    // A time that cannot be formatted is left out.
     let style = ProgressStyle::with_template(template)?
         .with_key("gone", |state: &ProgressState, to: &mut dyn fmt::Write| {
             let _ = write!(to, "{:#}", HumanDuration(state.elapsed()));
@@ -266,7 +266,7 @@ mod tests {
         }
     }
 
-    /// A terminal of 80 columns that keeps all that is written to it.
+    /// A terminal of 80 columns that stores its output.
     #[derive(Clone, Debug, Default)]
     struct Terminal(Arc<Mutex<String>>);
 

@@ -1,4 +1,4 @@
-//! `krylux reproduce`: the paper's figures, made again and held to bounds.
+//! `krylux reproduce`: the figures of the paper, reproduced and compared with bounds.
 
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ pub(super) struct Args {
     run: RunArgs,
 }
 
-/// The figure of this name; `None` stands for all of them.
+/// Parses the name of a figure; `None` means all figures.
 fn figure() -> impl TypedValueParser<Value = Option<Figure>> {
     let named = Figure::ALL.map(|figure| PossibleValue::new(figure.name()).help(figure.title()));
     PossibleValuesParser::new(named.into_iter().chain([PossibleValue::new("all").help("All of them")]))
@@ -53,7 +53,7 @@ enum RigArg {
 }
 
 impl Args {
-    /// In the paper's order, each once.
+    /// The requested figures in the order of the paper, each once.
     fn figures(&self) -> Vec<Figure> {
         let asked = |figure: &Figure| self.figures.iter().any(|one| one.is_none_or(|one| one == *figure));
         Figure::ALL.into_iter().filter(asked).collect()
@@ -84,7 +84,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
             Ok(outcome)
         }
         Err(error) => {
-            // The error itself matters more than that it cannot be recorded.
+            // A failure to record the error is ignored, since the error itself is more important.
             let _ = folder.close(Err(&error));
             Err(error)
         }
@@ -117,13 +117,13 @@ fn reproduce(args: &Args, console: &Console, folder: &mut RunFolder) -> Result<(
         "figures": gallery.summary(),
         "seconds": folder.seconds(),
     }))?;
-    // The bounds hold for pictures of full size.
+    // The bounds hold only for pictures of full size, so a quick run is not judged by them.
     let is_good = all_met || args.quick;
     Ok((if is_good { Outcome::Done } else { Outcome::NotGoodEnough }, verdict.sentence))
 }
 
-/// A line for the figure, and one for each number that is not what it has to be; in a quick run, whose pictures are too small for the bounds, the
-/// line only.
+/// Prints a line for the figure, and a line for each number that misses its bound. In a quick run, whose pictures are too small for the
+/// bounds, only the first line is printed.
 fn say(made: &Reproduced, quick: bool, console: &Console) -> Result<()> {
     let verdict = match (quick, made.is_met()) {
         (true, _) => "made",

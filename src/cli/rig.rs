@@ -1,4 +1,4 @@
-//! `krylux rig`: the devices of a rig rather than its scene.
+//! `krylux rig`: work with the devices of a rig, without a scene.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -59,7 +59,7 @@ struct RigArgs {
 }
 
 impl RigArgs {
-    /// Reads the rig file alone.
+    /// Reads only the rig file.
     fn source(&self, console: &Console) -> Result<RigSource> {
         require_rig(&self.rig, "RIG")?;
         let trace = TraceArgs::for_looking(None, self.adapter.clone());
@@ -82,7 +82,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         }
         Action::FlatField(args) => {
             let lab = opening(&args.before)?.open(console)?;
-            // Anything but a rig was refused above.
+            // The source is a rig, since other sources were refused above.
             let rig = lab.rig().ok_or(Error::Interrupted)?;
             tell("rig flat-field", &MeasureSheet::ask(rig)?, true, console)
         }
@@ -95,10 +95,10 @@ fn opening(args: &Traced) -> Result<Opening<'_>> {
     Ok(args.opening())
 }
 
-/// Says each finding as soon as it is known.
+/// Prints each finding as soon as it is known.
 fn check(args: &Asked<CheckBench, RigArgs, ()>, console: &Console) -> Result<Outcome> {
     require_rig(&args.before.rig, "RIG")?;
-    // An output that cannot be written, such as a closed pipe.
+    // The error of an output that cannot be written, such as a closed pipe.
     let mut unwritten = Ok(());
     let mut say = |finding: &Finding| {
         unwritten = console.say(finding);
@@ -143,15 +143,15 @@ fn align(args: &Asked<Align, RigArgs, LiveArgs>, console: &Console) -> Result<Ou
     tell("rig align", &content, is_aligned, console)
 }
 
-/// Ctrl-C is how one ends a preview or an alignment.
+/// Ctrl-C is the normal end of a preview or an alignment, and is no error here.
 fn require_unless_stopped(ended: Result<()>) -> Result<()> {
     ended.or_else(|error| if matches!(error, Error::Interrupted) { Ok(()) } else { Err(error) })
 }
 
-/// Shortest time between two writes of the file: a person sees no more, and disks are slow.
+/// The shortest time between two writes of the file. A person sees no faster changes, and disks are slow.
 const EVERY: Duration = Duration::from_millis(250);
 
-/// Shortest time between two lines without a terminal.
+/// The shortest time between two lines without a terminal.
 const SAID: Duration = Duration::from_secs(1);
 
 fn preview(args: &Asked<PreviewCamera, RigArgs, LiveArgs>, console: &Console) -> Result<Outcome> {
@@ -173,7 +173,7 @@ fn preview(args: &Asked<PreviewCamera, RigArgs, LiveArgs>, console: &Console) ->
         last = figures;
         ended
     });
-    // The devices are free before anything else is said.
+    // At this point the devices are already released. Only then is anything else printed.
     require_unless_stopped(ended)?;
     let figures: FrameFigures = last.ok_or(Error::Interrupted)?;
     let mut content = Content::default();
@@ -183,7 +183,7 @@ fn preview(args: &Asked<PreviewCamera, RigArgs, LiveArgs>, console: &Console) ->
     tell("rig preview", &content, true, console)
 }
 
-/// Takes frames; 0 are as many as come until Ctrl-C. The line of figures is rewritten on a terminal, and a new one each second elsewhere.
+/// Takes `frames` frames, or for 0 any number until Ctrl-C. A terminal rewrites the line of figures. Elsewhere, each second has a new line.
 fn watch(
     frames: u64,
     preview: &mut LivePreview,
@@ -214,7 +214,7 @@ fn watch(
     Ok(())
 }
 
-/// Shows interleaved samples in the viewer, if there is one.
+/// Shows interleaved samples in the viewer, if there is a viewer.
 fn show<T: Copy>(
     viewer: Option<&Viewer>,
     name: &str,
@@ -242,7 +242,7 @@ pub(super) struct DescribeCamera {
 
 #[cfg(any(feature = "gige", feature = "usb3"))]
 impl DescribeCamera {
-    /// The process in which the description of a camera is read.
+    /// Runs the process that reads the description of a camera.
     pub(super) fn run(&self, console: &Console) -> Result<Outcome> {
         let abilities = match (self.kind.as_str(), &self.place) {
             #[cfg(feature = "gige")]

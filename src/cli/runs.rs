@@ -1,4 +1,4 @@
-//! `krylux runs` and `krylux index`: the runs below a folder, the photos that they keep, and a page about them.
+//! `krylux runs` and `krylux index`: the runs below a folder, the photos in their journals, and a page about the runs.
 
 use std::path::PathBuf;
 
@@ -112,7 +112,7 @@ fn prune(args: &PruneArgs, console: &Console) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// `  33.4 MiB, photos  25.9 MiB  out/carton`
+/// The line about a run, such as `  33.4 MiB, photos  25.9 MiB  out/carton`.
 fn line(run: &KeptRun) -> String {
     let [all, journal] = [run.bytes, run.journal_bytes].map(text::bytes);
     format!("{all:>10}, photos {journal:>10}  {}", run.path.display())

@@ -1,4 +1,4 @@
-//! The processes that `mpirun` or `srun` started together with this one, and the helper that owns a projector's window.
+//! The processes that `mpirun` or `srun` started together with this process, and the helper that owns a projector's window.
 
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -10,16 +10,16 @@ use crate::team::Team;
 
 /// The role of this process.
 pub(super) enum Role {
-    /// It runs the program; the team, if there is one, helps.
+    /// This process runs the program, with the help of the team if there is one.
     Leader(Option<Arc<Team>>),
-    /// It does not lead, and has nothing more to do: it ends with this status.
+    /// This process does not lead, its work is done, and it ends with this status.
     Ended(ExitCode),
 }
 
-/// The verbs by which the program starts itself. They are no members of the team of the process that started them.
+/// The verbs with which the program starts helper processes. A helper does not join the team of the process that started it.
 const HELPERS: [&str; 2] = ["projector", "describe-camera"];
 
-/// Joins the other processes, if there are any. Those that do not lead return when the leader has ended.
+/// Joins the other processes, if there are any. In a process that does not lead, this call returns after the leader has ended.
 pub(super) fn join() -> Result<Role> {
     if std::env::args_os().nth(1).is_some_and(|verb| HELPERS.iter().any(|helper| verb == *helper)) {
         return Ok(Role::Leader(None));
@@ -33,7 +33,7 @@ fn joined() -> Result<Role> {
     use crate::transport::SceneWorker;
 
     if is_only_one() {
-        // Without MPI, which takes longer to start than what one process could ask of it.
+        // MPI is not started, because its start would take longer than the work of a single process.
         keep_cores();
         return Ok(Role::Leader(None));
     }
@@ -47,7 +47,7 @@ fn joined() -> Result<Role> {
         return Ok(Role::Leader(Some(Team::lead(world, placements))));
     }
     if checked.is_err() {
-        // The leader says it.
+        // The leader reports the error.
         return Ok(Role::Ended(ExitCode::from(2)));
     }
     crate::machine::start_threads();
@@ -56,13 +56,13 @@ fn joined() -> Result<Role> {
     Ok(Role::Ended(ExitCode::SUCCESS))
 }
 
-/// Whether Open MPI started one process alone.
+/// Whether Open MPI started only one process.
 #[cfg(feature = "mpi")]
 fn is_only_one() -> bool {
     std::env::var("OMPI_COMM_WORLD_SIZE").is_ok_and(|size| size == "1")
 }
 
-/// The version of this program, with a digest of its file where that can be read.
+/// The version of this program, with a digest of its file if the file can be read.
 #[cfg(feature = "mpi")]
 fn program() -> String {
     let digest = std::env::current_exe().and_then(std::fs::read).map(|bytes| blake3::hash(&bytes).to_hex());
@@ -70,8 +70,7 @@ fn program() -> String {
     format!("krylux {}{digest}", env!("CARGO_PKG_VERSION"))
 }
 
-/// Without MPI, each of several processes would do the same work and write the same files. The first process fails with an error that
-/// explains this.
+/// Fails in the first of several processes and explains the reason: without MPI, each would do the same work and write the same files.
 #[cfg(not(feature = "mpi"))]
 fn joined() -> Result<Role> {
     let number = |of: &str| {
@@ -92,7 +91,7 @@ fn joined() -> Result<Role> {
 #[derive(clap::Args)]
 pub(super) struct Projector {}
 
-/// The helper process that owns a projector's window. It is started by krylux itself.
+/// Runs the helper process that owns a projector's window. Only krylux itself starts it.
 pub(super) fn serve_projector() -> Result<Outcome> {
     rig::serve_projector(std::io::stdin().lock(), std::io::stdout().lock())
         .map_err(Error::writing("the pipe to krylux"))?;

@@ -1,4 +1,4 @@
-//! `--tev`: every pattern and photo in an image viewer.
+//! `--tev`: shows every pattern and photo in an image viewer.
 
 use std::str::FromStr;
 
@@ -16,7 +16,7 @@ pub(super) struct LiveArgs {
     tev: Option<Address>,
 }
 
-/// `HOST:PORT`.
+/// An address `HOST:PORT`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Address(String);
 
@@ -34,7 +34,7 @@ impl FromStr for Address {
 }
 
 impl LiveArgs {
-    /// The viewer, where one is named.
+    /// The viewer, if the option names one.
     pub(super) fn viewer(&self, console: &Console) -> Option<Viewer> {
         self.tev.as_ref().map(|Address(address)| {
             let (console, place) = (console.clone(), address.clone());
@@ -46,7 +46,7 @@ impl LiveArgs {
         })
     }
 
-    /// Shows the photos of a laboratory in the viewer from now on, where one is named.
+    /// Shows the photos of a laboratory in the viewer from now on, if the option names a viewer.
     pub(super) fn show(&self, lab: &Lab, console: &Console) {
         let sizes: [Resolution; 2] = [lab.projector_resolution(), lab.resolution()];
         let display = self.viewer(console).map(|viewer| Display {

@@ -20,7 +20,7 @@ pub(super) struct TraceArgs {
 }
 
 impl TraceArgs {
-    /// For a verb that looks and traces nothing.
+    /// Options for a verb that only loads a scene and traces nothing.
     pub(super) fn for_looking(resolution: Option<Resolution>, adapter: Option<String>) -> Self {
         let overrides = TraceOverrides { resolution, ..TraceOverrides::default() };
         Self { overrides, adapter, ..Self::default() }

@@ -1,4 +1,4 @@
-//! Opening a laboratory with settings.
+//! The builder that opens a laboratory with settings.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ use crate::rig::DeviceOpener;
 use crate::scene::Scene;
 use crate::sparse::Csr;
 
-/// Settings of a laboratory to be opened: see [`Lab::builder`].
+/// Settings for a laboratory that is not open yet: see [`Lab::builder`].
 #[derive(Clone)]
 pub struct LabBuilder {
     origin: Origin,
@@ -53,14 +53,14 @@ impl LabBuilder {
         Self { origin, settings, observer, run: None, program }
     }
 
-    /// All settings at once.
+    /// Replaces all settings at once.
     #[must_use]
     pub fn settings(mut self, settings: Settings) -> Self {
         self.settings = settings;
         self
     }
 
-    /// Pixels of camera and projector, in a scene or in the scene of a virtual rig; 128×128 by default.
+    /// The resolution of camera and projector, for a scene or for the scene of a virtual rig; 128×128 by default.
     #[must_use]
     pub fn size(mut self, width: usize, height: usize) -> Self {
         self.settings.trace.resolution = Some(Resolution::new(width, height));
@@ -102,35 +102,35 @@ impl LabBuilder {
         self
     }
 
-    /// A folder for the run. Its journal keeps every photo before it is used, and [`Lab::save`] writes there.
+    /// The folder for the run. Its journal keeps every photo before the photo is used, and [`Lab::save`] writes into this folder.
     #[must_use]
     pub fn folder(mut self, folder: impl Into<PathBuf>) -> Self {
         self.run.get_or_insert_default().folder = Some(folder.into());
         self
     }
 
-    /// A run with its folder, which may hold an earlier run.
+    /// The options of the run. They name its folder, and say whether the folder may hold an earlier run.
     #[must_use]
     pub fn run(self, run: RunOptions) -> Self {
         Self { run: Some(run), ..self }
     }
 
-    /// Opens the devices of a rig file of `kind = "program"`.
+    /// The opener of the devices, for a rig file of `kind = "program"`.
     #[must_use]
     pub fn devices(mut self, opener: DeviceOpener) -> Self {
         self.program.opener = Some(opener);
         self
     }
 
-    /// Allows the programs that a rig file names to run, wherever the file is. By default they run only for files in the user's own folder
-    /// ([`own_folder`](crate::measure::own_folder)), because the author of the file chooses them.
+    /// Allows the programs that a rig file names to run, wherever the file is. The author of the file chooses these programs, so by default
+    /// they run only for files in the user's own folder ([`own_folder`](crate::measure::own_folder)).
     #[must_use]
     pub fn allow_programs(mut self, allowed: bool) -> Self {
         self.program.allows_programs = allowed;
         self
     }
 
-    /// The observer receives progress, messages and photos, and can stop all work.
+    /// The observer, which receives progress, messages and photos, and can stop all work.
     #[must_use]
     pub fn observer(mut self, observer: impl Into<SharedObserver>) -> Self {
         self.observer = observer.into();
@@ -159,7 +159,7 @@ impl LabBuilder {
         Ok(lab)
     }
 
-    /// Opens a rig file without its calibration. The devices are taken as ideal, so that they can be calibrated. Fails as [`Lab::open`].
+    /// Opens a rig file without its calibration. The devices are taken as ideal, and can then be calibrated. Fails as [`Lab::open`].
     pub fn open_uncalibrated_rig(&self) -> Result<RigSource> {
         match &self.origin {
             Origin::File(path) => {

@@ -1,4 +1,4 @@
-//! The calibration of a rig's devices, and the uneven brightness that a matte sheet shows.
+//! The calibration of a rig's devices, and their uneven brightness, measured with a matte sheet.
 
 use std::path::{Path, PathBuf};
 
@@ -21,9 +21,10 @@ impl RigSource {
         self.file.calibration.clone().unwrap_or_else(beside)
     }
 
-    /// The folder of a calibration for which no folder is named. It is the first unused one of [`Self::calibration_folder`] and the same
-    /// name with `-2`, `-3`, …, so that an earlier calibration stays unchanged. An unfinished last one is returned instead, to be resumed
-    /// or replaced. So is the folder that the rig file names, if `again` is true and the last one is complete.
+    /// The folder of a calibration for which no folder is named. The candidates are [`Self::calibration_folder`] and the same name with
+    /// `-2`, `-3`, … The first unused candidate is returned, so that an earlier calibration stays unchanged. If the last used candidate is
+    /// unfinished, it is returned instead, to be resumed or replaced. Otherwise, if `again` is true, the folder in the rig file is
+    /// returned.
     pub fn next_calibration_folder(&self, again: bool) -> PathBuf {
         let named = self.calibration_folder();
         let name = named.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -46,7 +47,7 @@ impl RigSource {
         }
     }
 
-    /// Calibrates the devices from captures alone in a run of its own, with a journal of all photos. `write` writes the files of the
+    /// Calibrates the devices from captures alone, in a separate run with a journal of all photos. `write` writes the files of the
     /// calibration. Returns the report, the effort, and the run's folder. Fails as [`calibrate`], as `write`, and for a folder that holds a
     /// run.
     pub(crate) fn calibrate_in(
@@ -97,14 +98,14 @@ impl RigSource {
         })
     }
 
-    /// Writes this folder's name into the rig file as its calibration, so that every verb uses it. Fails as
+    /// Enters the folder into the rig file as its calibration, so that every verb uses this calibration. Fails as
     /// [`RigFile::name_calibration`](crate::measure::RigFile::name_calibration).
     pub fn name_calibration(&self, folder: &Path) -> Result<()> {
         self.file.name_calibration(folder).map(drop)
     }
 
-    /// Measures the uneven brightness of projector and camera from one photo of a matte sheet of one colour. The sheet must fill the view
-    /// and stand square to the camera. Virtual devices get such a sheet in place of their scene.
+    /// Measures the uneven brightness of projector and camera from one photo of a matte sheet of one colour. The sheet must fill the
+    /// camera's view and be perpendicular to its axis. Virtual devices get such a sheet in place of their scene.
     ///
     /// # Errors
     /// [`Error::Rig`] if the calibration does not contain the factor between the devices, or if the photo does not show an even sheet;
@@ -129,7 +130,7 @@ impl RigSource {
     }
 
     /// Measures the uneven brightness as [`RigSource::flat_field`], and adds it to the folder of the calibration that the rig file names.
-    /// Runs that began earlier cannot be continued.
+    /// Runs that began before this change cannot be continued.
     ///
     /// # Errors
     /// As [`RigSource::flat_field`]; [`Error::Option`] if the rig file names no calibration; [`Error::Write`].
@@ -146,7 +147,7 @@ impl RigSource {
 }
 
 impl Lab {
-    /// Calibrates the rig's devices from captures alone, and uses that calibration for photos from now on. Nothing is written. Call it
+    /// Calibrates the rig's devices from captures alone, and uses the new calibration for photos from now on. Nothing is written. Call it
     /// before the first photo of a run.
     ///
     /// # Errors
@@ -158,8 +159,8 @@ impl Lab {
         Ok(report)
     }
 
-    /// Measures the uneven brightness of the rig's devices with a matte sheet, as [`RigSource::flat_field`], and uses it for photos from
-    /// now on. Nothing is written. Call it after [`Lab::calibrate`] and before the first photo of a run.
+    /// Measures the uneven brightness of the rig's devices with a matte sheet, as [`RigSource::flat_field`]. Photos are corrected by this
+    /// brightness from now on. Nothing is written. Call it after [`Lab::calibrate`] and before the first photo of a run.
     ///
     /// # Errors
     /// As [`RigSource::flat_field`]; [`Error::Option`] if the source is not a rig.

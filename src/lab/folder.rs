@@ -1,4 +1,4 @@
-//! The folder that a run leaves behind, with its record.
+//! The folder of a run, with its record.
 
 use std::fs::{File, TryLockError};
 use std::io::ErrorKind;
@@ -20,13 +20,14 @@ use crate::measure::RunManifest;
 pub struct RunOptions {
     /// The folder. If it is `None`, the first unused name of `out/NAME`, `out/NAME-2`, … is taken.
     pub folder: Option<PathBuf>,
-    /// Allows a folder that holds an earlier run. Its photos are deleted when the new run is complete, unless that run is the source.
+    /// Allows a folder that holds an earlier run. When the new run is complete, the old photos are deleted, unless the old run is the
+    /// source.
     pub overwrite: bool,
     /// Continues the run in the folder: a photo in its journal is not taken again.
     pub resume: bool,
 }
 
-/// An open run. Its folder exists, is writable and is locked before any work starts. Its record says `running` until the end.
+/// An open run. Its folder exists, is writable and is locked before any work starts. Its record has the status `running` until the end.
 pub struct RunFolder {
     /// The folder.
     pub path: PathBuf,
@@ -34,7 +35,7 @@ pub struct RunFolder {
     pub manifest: RunManifest,
     /// The folder in which the files of the answer are written ([`RunFolder::answer`]).
     pub(crate) answer: PathBuf,
-    /// Whether the run in the folder answered another question, so that its files stay.
+    /// Whether the run in the folder answered another question. The files of that answer then stay.
     keeps_answers: bool,
     pub(super) resumes: bool,
     started: Instant,
@@ -44,17 +45,17 @@ pub struct RunFolder {
 }
 
 enum Start {
-    /// Nothing, or the photos of the run that is continued.
+    /// An empty folder, or the folder of a run that is continued.
     Fresh,
-    /// Another run. It is put back if this run fails without photos.
+    /// The folder of another run. The other run is put back if this run fails without photos.
     Replaces(Replaced),
-    /// The run that is the source of this one, unchanged until there is an answer. Further questions may take `photos_allowed` photos.
+    /// The source of this run, unchanged until there is an answer. Further requests may take `photos_allowed` photos.
     Beside { photos_allowed: Option<usize> },
 }
 
 impl RunFolder {
-    /// Creates the folder. A run to be resumed is in the named folder, or in `out/NAME`. `source` is the folder of the run that is asked
-    /// again; if it is the same folder, the answers are put beside its photos.
+    /// Creates the folder. A run to be resumed is in the named folder, or in `out/NAME`. `source` is the folder of the run that is the
+    /// source of the new run. If both folders are the same, the answers are stored beside the photos of `source`.
     ///
     /// # Errors
     /// [`Error::Option`] if the folder holds an active run, a run that must not be overwritten, or another program's files;
@@ -115,7 +116,7 @@ impl RunFolder {
         Ok(run)
     }
 
-    /// Writes the first record. If that fails, the replaced run is put back.
+    /// Writes the first record. If the record cannot be written, the replaced run is put back.
     fn begin(&mut self, overwrite: bool, observer: &SharedObserver) -> Result<()> {
         let earlier = match &self.start {
             Start::Beside { .. } => return Ok(()),
@@ -138,8 +139,8 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Writes the files of the answer, whose names `write` returns. They appear in the run's folder once all are complete and the record
-    /// lists them, so that a later run that replaces this one knows them even if this program is killed.
+    /// Writes the files of the answer, whose names `write` returns. The files are moved into the run's folder after all are complete and
+    /// the record lists them. If this program is killed, a later run that replaces this one still finds them in the record.
     pub(crate) fn answer(&mut self, write: impl FnOnce(&mut Self) -> Result<Vec<String>>) -> Result<()> {
         file::remove(&self.answer)?;
         file::make_folder(&self.answer)?;
@@ -155,12 +156,12 @@ impl RunFolder {
         if is_beside || self.keeps_answers {
             self.manifest.outputs = before.outputs;
         } else {
-            // The same run answered another question before.
+            // The folder's run already answered another question.
             stale
                 .iter()
                 .filter(|name| is_own_file(name))
                 .try_for_each(|name| file::remove(&self.path.join(name)))?;
-            // This fails, as intended, while the folder holds a model.
+            // While the folder holds a model, it is not empty, and this call fails as intended.
             let _ = std::fs::remove_dir(model::folder(&self.path));
             self.manifest.outputs = written;
         }
@@ -172,8 +173,8 @@ impl RunFolder {
         self.started.elapsed().as_secs_f64()
     }
 
-    /// Records how the run ended, with a sentence or an error. A run that fails before its first photo, or because of a wrong option,
-    /// restores the run that it was about to replace. Fails with [`Error::Write`].
+    /// Records how the run ended, with a sentence or an error. If the run fails before its first photo, or because of a wrong option, the
+    /// run that it was about to replace is restored. Fails with [`Error::Write`].
     pub fn close(&mut self, outcome: std::result::Result<&str, &Error>) -> Result<()> {
         let start = std::mem::replace(&mut self.start, Start::Fresh);
         let (status, message) = match outcome {
@@ -210,13 +211,13 @@ impl RunFolder {
     }
 }
 
-/// A run that ends by a panic restores the replaced run if it has no photos.
+/// When a panic ends a run without photos, the replaced run is restored.
 impl Drop for RunFolder {
     fn drop(&mut self) {
         if let Start::Replaces(earlier) = &self.start
             && photos_in(&self.path) == 0
         {
-            // An error cannot be returned from here. The next run in the folder finds the folders that the record names.
+            // An error cannot be returned from here. If the call fails, the next run in this folder finds the replaced runs by the record.
             let _ = earlier.restore();
         }
     }
@@ -236,7 +237,7 @@ fn make_free(name: &str) -> Result<PathBuf> {
         let made = path.parent().map_or(Ok(()), std::fs::create_dir_all);
         match made.and_then(|()| std::fs::create_dir(&path)) {
             Ok(()) => return Ok(path),
-            // The disk is full before the numbers run out.
+            // The disk is full long before the numbers are used up.
             Err(error) if error.kind() == ErrorKind::AlreadyExists && path.exists() => number += 1,
             Err(error) => return Err(Error::writing(&path)(error)),
         }
@@ -255,7 +256,8 @@ fn holds_run(path: &Path) -> bool {
     path.join(RECORD).exists() || Journal::is_in(&journal_folder(path)) || model::is_in(path)
 }
 
-/// Locks the folder itself, so that one run at a time uses it. On a file system without such locks, the journal's lock keeps photos apart.
+/// Locks the folder itself, so that only one run at a time uses it. Without locks in the file system, the journal's lock protects the
+/// photos.
 pub(super) fn lock(path: &Path) -> Result<Option<File>> {
     let Ok(folder) = File::open(path) else { return Ok(None) };
     // The lock of a killed process may outlive it for a moment.

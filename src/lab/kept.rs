@@ -41,7 +41,7 @@ pub enum KeptPhotos {
 }
 
 impl KeptRun {
-    /// The runs in and below a folder, ordered by path. Unreadable folders are left out.
+    /// The runs in a folder and in its subfolders, ordered by path. Unreadable folders are left out.
     ///
     /// # Errors
     /// [`Error::Read`] if `folder` itself cannot be read.
@@ -61,13 +61,13 @@ impl KeptRun {
         Some(Self { path: path.to_path_buf(), status: record.status, bytes, journal_bytes, photos })
     }
 
-    /// Deletes the journal of a run, if its photos can be computed again, and returns the number of bytes freed. All other files stay.
+    /// Deletes the journal of a run if its photos can be computed again. Returns the number of bytes freed. All other files stay.
     ///
     /// # Errors
     /// [`Error::Option`] if the photos cannot be computed again or a run is in progress in the folder; [`Error::Write`].
     pub fn delete_photos(&self) -> Result<u64> {
         let _lock = lock(&self.path)?;
-        // The run or its scene may have changed since the folder was searched.
+        // The status is read again, because the run or its scene may have changed since the search.
         match Self::at(&self.path).map(|now| now.photos) {
             Some(KeptPhotos::Recomputable) => {}
             _ => {

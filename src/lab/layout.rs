@@ -1,4 +1,4 @@
-//! The layout of a run's folder, short names of files, and the journal of a run with its damage.
+//! The layout of a run's folder, short names of files, and the journal of a run with reports about damage.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ pub(super) const REPORT: &str = "report.html";
 pub(super) const JOURNAL: &str = "journal";
 /// The folder of a rig's calibration, inside the journal's folder.
 pub(super) const CALIBRATION: &str = "calibration";
-/// The folder in which an answer is written until it is complete.
+/// The folder that holds an answer until all of its files are complete.
 pub(super) const ANSWER: &str = ".answer";
 
 pub(super) fn journal_folder(run: &Path) -> PathBuf {
@@ -42,7 +42,7 @@ pub(super) fn short_name(path: &Path) -> String {
     }
 }
 
-/// Opens the journal of a run, and reports the state of an earlier one. Fails as [`Journal::create`] and [`Journal::resume`].
+/// Opens the journal of a run, and reports the state of an existing journal. Fails as [`Journal::create`] and [`Journal::resume`].
 pub(super) fn open_journal(
     run: &Path,
     identity: &Identity,
@@ -59,7 +59,7 @@ pub(super) fn open_journal(
     Ok(journal)
 }
 
-/// Reports each unusable record by name.
+/// Reports each unusable record of the journal by its name.
 pub(super) fn report_damages(journal: &Journal, observer: &SharedObserver) {
     let path = journal.path().display();
     if let Some(torn) = journal.torn() {
@@ -73,7 +73,7 @@ pub(super) fn report_damages(journal: &Journal, observer: &SharedObserver) {
     }
 }
 
-/// Reports each record that proves damaged when it is read.
+/// Reports each record of the journal that turns out to be damaged when it is read.
 pub(super) fn warn_of_damage(
     journal: &Journal,
     observer: &SharedObserver,

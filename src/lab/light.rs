@@ -1,4 +1,4 @@
-//! The light transport of a laboratory. It is opened when it is first needed, and is handed out as operators.
+//! The light transport of a laboratory. It is opened on the first request, and is returned as operators.
 
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
@@ -32,7 +32,7 @@ impl Lab {
         Ok(LabOperator::new(&transport, part, channel, &self.observer, Some(&self.sheet)))
     }
 
-    /// As [`Lab::operators`], for comparisons with a truth. The products are neither shown nor recorded as photos of the run.
+    /// Operators as [`Lab::operators`], for comparisons with a truth. Their products are neither shown nor recorded as photos of the run.
     pub fn reference_operators(&mut self, part: Part) -> Result<Vec<LabOperator>> {
         let transport = Arc::clone(self.transport()?);
         let channels = lock(&transport).shape().channels;
@@ -40,7 +40,7 @@ impl Lab {
         Ok((0..channels).map(operator).collect())
     }
 
-    /// Traces the scene or opens the rig, if that was not done yet.
+    /// Traces the scene or opens the rig, unless this was already done.
     pub(crate) fn prepare(&mut self) -> Result<()> {
         self.transport().map(drop)
     }
@@ -61,14 +61,15 @@ impl Lab {
         Ok(self.transport.insert(transport))
     }
 
-    /// Refuses a rig that does not see its projector, and an uncalibrated rig whose light is not proportional to its levels and counts. The
-    /// answers of such a rig would be wrong without a warning. An audit finds these faults itself, so it is not refused.
+    /// Refuses a rig that does not see its projector, and an uncalibrated rig whose light is not proportional to the projected levels and
+    /// the camera's counts. The answers of such a rig would be wrong without a warning. An audit may use it, since an audit finds these
+    /// faults.
     fn trusted(&self, mut transport: LightTransport) -> Result<LightTransport> {
         let Some(measured) = transport.rig().filter(|_| !self.audits) else { return Ok(transport) };
         measured.measurement.sight()?.require()?;
         let is_tested = matches!(&self.source, Source::Rig(rig) if !rig.is_calibrated);
         match measured.measurement.check_pattern(!is_tested) {
-            // A replayed run examines its own photo, so that white is photographed again after the same patterns. Old runs lack this photo.
+            // The examination photographs white again after the same patterns. The journal of an old run lacks this photo.
             Err(Error::NotTaken { .. }) => {}
             map => {
                 let map = map?;
@@ -90,7 +91,7 @@ impl Lab {
         }
     }
 
-    /// Disables the checks of a rig's light from now on. The caller asks what the rig sees, and compares the answer with the truth.
+    /// Disables the checks of a rig's light from now on, for a caller that itself compares the rig's photos with the truth.
     pub(crate) fn unexamined(&mut self) {
         self.audits = true;
     }
@@ -107,7 +108,7 @@ impl Lab {
         self.keeps_photos = false;
     }
 
-    /// The product of a part with white, for each channel.
+    /// The product of a part of the light with a white pattern, for each channel.
     pub(crate) fn white_of(&mut self, part: Part) -> Result<Vec<Vec<f64>>> {
         let white = |mut operator: LabOperator| -> Result<Vec<f64>> {
             let mut photo = vec![0.0; operator.rows()];
@@ -117,7 +118,7 @@ impl Lab {
         self.reference_operators(part)?.into_iter().map(white).collect()
     }
 
-    /// The traced scene, if photos are products with its matrix. It is shared, not copied. Fails as [`Lab::operator`].
+    /// The traced matrix, shared and not copied; `None` if photos are not products with a traced matrix. Fails as [`Lab::operator`].
     pub fn assembled(&mut self) -> Result<Option<Arc<Assembled>>> {
         Ok(lock(self.transport()?).assembled().cloned())
     }
@@ -141,18 +142,18 @@ impl Lab {
         }
     }
 
-    /// The direct light of each channel, if a traced matrix has it as a diagonal. Fails as [`Lab::operator`].
+    /// The direct light of each channel, if a traced matrix holds it as a diagonal. Fails as [`Lab::operator`].
     pub fn direct_diagonal(&mut self) -> Result<Option<Vec<Vec<f64>>>> {
         Ok(self.assembled()?.and_then(|traced| transport::direct_diagonal(&traced)))
     }
 
-    /// The noise of the traced matrix, if it is known. Fails as [`Lab::operator`].
+    /// The noise of the traced matrix, if this noise is known. Fails as [`Lab::operator`].
     pub fn noise(&mut self) -> Result<Option<Noise>> {
         Ok(lock(self.transport()?).assembled().and_then(|traced| traced.noise.clone()))
     }
 
-    /// The expected norm of the error that the noise of a traced matrix leaves in a product of `part` with a vector of norm 1, in the first
-    /// channel: `‖E‖_F / √n`. It is also known for a run of a scene. `None` if no matrix was traced: the operators of a rig state the
+    /// The expected norm `‖E‖_F / √n` of the error in a product of `part` with a vector of norm 1, in the first channel. The error is due
+    /// to the noise of a traced matrix, also in a run of a scene. Returns `None` if no matrix was traced: the operators of a rig state the
     /// errors of their products ([`Operator::standard_errors`]), and explicit matrices have no errors. Fails as [`Lab::operator`].
     pub fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
         lock(self.transport()?).product_noise(part)
@@ -163,12 +164,12 @@ impl Lab {
         Ok(lock(self.transport()?).assembled().map(|traced| traced.summary))
     }
 
-    /// Whether the light transport matrix is symmetric, as it is for a coaxial rig. Fails as [`Lab::operator`].
+    /// Whether the light transport matrix is symmetric, as for a coaxial rig. Fails as [`Lab::operator`].
     pub fn is_symmetric(&mut self) -> Result<bool> {
         Ok(lock(self.transport()?).shape().symmetry == Symmetry::Symmetric)
     }
 
-    /// Whether photos cost only computing. This holds for every source but a rig. Fails as [`Lab::operator`].
+    /// Whether photos cost only computing time. This holds for every source except a rig. Fails as [`Lab::operator`].
     pub fn is_simulated(&mut self) -> Result<bool> {
         Ok(lock(self.transport()?).is_simulated())
     }

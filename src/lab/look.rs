@@ -1,4 +1,4 @@
-//! The camera's view of a scene as a picture for people, not a photo: the surfaces' own colours, lit from the camera, without a device.
+//! A picture of a scene for people: the colours of the surfaces from the camera's position, lit from the camera. It needs no device.
 
 use glam::{Vec2, Vec3};
 
@@ -10,13 +10,13 @@ use crate::scene::{AlphaMode, Scene, SurfacePoint, Texture, TextureRef, Wrap, fi
 /// Rays for each pixel along each axis.
 const RAYS: usize = 2;
 
-/// The opacity below which a blended surface is drawn as a hole.
+/// A blended surface with an opacity below this value is drawn as a hole.
 const FAINT: f32 = 0.5;
 
-/// The share of light that reaches a surface at every angle. The rest is proportional to the cosine.
+/// The share of light that does not depend on the angle of a surface. The remaining light is proportional to the cosine.
 const AMBIENT: f32 = 0.25;
 
-/// Draws the scene from its camera: linear RGB in \[0,1\]. The backs of one-sided surfaces are black, as in photos, and so is empty space.
+/// Draws the scene from its camera, in linear RGB in \[0,1\]. Empty space and the backs of one-sided surfaces are black, as in photos.
 ///
 /// # Errors
 /// [`crate::Error::Dimension`] for a picture without pixels.
@@ -80,7 +80,7 @@ fn base(scene: &Scene, point: &SurfacePoint) -> (Vec3, f32) {
     (color.truncate(), color.w)
 }
 
-/// The nearest texel, with linear colour.
+/// The nearest texel, in linear colour.
 fn texel(texture: &Texture, reference: &TextureRef, at: Vec2) -> glam::Vec4 {
     let at = reference.transform.transform_point2(at);
     let index = |coordinate: f32, wrap: Wrap, size: u32| {
@@ -142,7 +142,7 @@ mod tests {
             [([0.2, 0.2], [1.0, 0.0, 0.0]), ([1.2, 1.2], [0.0, 1.0, 0.0]), ([0.2, -0.3], [0.0, 0.0, 1.0])]
         {
             let found = seen(&painted(at.into()));
-            // The surface is seen straight on, up to half a pixel.
+            // The camera sees the surface perpendicularly, up to half a pixel.
             assert!(found.iter().zip(color).all(|(a, b)| (a - b).abs() < 0.1), "{at:?}: {found:?}");
         }
     }

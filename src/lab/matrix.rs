@@ -7,9 +7,9 @@ use crate::sparse::Csr;
 use crate::transport::{Assembled, Bounces, Part};
 
 impl Lab {
-    /// The light transport matrix of every channel, `[channel]`, each with a name for its file. The matrix of a scene is traced, and that
-    /// of a rig is photographed column by column. With `split_bounces`, there are three matrices instead of the matrix of `part`: the first
-    /// bounce, the second one and the rest. The laboratory must then have been opened with
+    /// The light transport matrix of every channel, `[channel]`, each with a name for its file. The matrix of a scene is traced, and the
+    /// matrix of a rig is photographed column by column. With `split_bounces`, three matrices replace the matrix of `part`: the first
+    /// bounce, the second bounce, and all later bounces. The laboratory must then have been opened with
     /// [`split_bounces`](crate::lab::Settings::split_bounces). `photos` is the number of photos that a rig may take; the default is 4096.
     ///
     /// # Errors
@@ -63,7 +63,7 @@ impl Lab {
         bounces_apart(&traced)
     }
 
-    /// One part of the traced matrix, `[channel]`, if there is one.
+    /// One part of the traced matrix, `[channel]`. Returns `None` if no matrix was traced.
     pub(crate) fn traced_matrices(&mut self, part: Part) -> Result<Option<Vec<Csr>>> {
         let Some(traced) = self.assembled()? else { return Ok(None) };
         let channels = 0..traced.matrix.channels().count();
@@ -71,7 +71,7 @@ impl Lab {
     }
 }
 
-/// The first bounce, the second one and the rest as separate matrices, `[channel]`, each with a name for its file.
+/// Separate matrices of the first bounce, the second bounce and all later bounces, `[channel]`, each with a name for its file.
 pub(super) fn bounces_apart(traced: &Assembled) -> Result<Vec<Vec<(&'static str, Csr)>>> {
     let channel = |channel| {
         let mut matrices = vec![("_direct", traced.matrix.to_csr(Part::Direct, channel)?)];

@@ -1,4 +1,4 @@
-//! An open rig with its processing stages, its costs so far, and the findings of its photos.
+//! An open rig with its processing stages, its costs so far, and the findings from its photos.
 
 use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade, Ratio};
@@ -10,15 +10,15 @@ use crate::transport::{Channels, Part};
 pub(super) struct MeasuredRig {
     pub(super) measurement: Measurement,
     calibration: Option<String>,
-    /// Whether the pixel map fits, if that was examined.
+    /// The finding about the fit of the pixel map, if the map was examined.
     pub(super) map: Option<Finding>,
-    /// The products so far. They show whether the matrix is symmetric.
+    /// The products so far, which show whether the matrix is symmetric.
     pub(super) products: Products,
 }
 
 impl MeasuredRig {
-    /// The costs of the rig so far, for a run's record. If `is_complete`, the record includes findings and the noise and drift that the
-    /// photos show. This takes one photo of white if patterns were shown.
+    /// The costs of the rig so far, for a run's record. If `is_complete`, the record also has the findings, and the noise and drift in the
+    /// photos. If patterns were shown, this takes one photo of white.
     pub(super) fn record(&mut self, is_complete: bool) -> Result<RigRecord> {
         let (mut findings, mut noise, mut drift) = Default::default();
         if is_complete {
@@ -47,7 +47,7 @@ impl MeasuredRig {
     }
 }
 
-/// The stages that process raw frames. If `channels` is `None`, the channels are those of the devices.
+/// The stages that process raw frames. If `channels` is `None`, the devices determine the channels.
 pub(super) fn measured(
     frames: Box<dyn FrameSource>,
     calibration: &Calibration,
@@ -72,16 +72,16 @@ pub(super) fn measured(
     Ok(MeasuredRig { measurement, calibration, map: None, products })
 }
 
-/// The largest ratio `‖H − Hᵀ‖ / ‖H‖` that passes, where `H` is the matrix restricted to the patterns that were shown.
+/// The largest ratio `‖H − Hᵀ‖ / ‖H‖` that counts as symmetric. `H` is the matrix restricted to the span of the patterns that were shown.
 const MOST: f64 = 0.1;
 
-/// The largest numbers of products and of stored values (64 MiB).
+/// The largest number of products that are kept, and the largest number of values in all of them (64 MiB).
 const KEPT: usize = 12;
 const NUMBERS: usize = 8 << 20;
 
-/// The first products of a rig with one part of its light.
+/// The first products of a rig with one part and channel of its light.
 pub(super) struct Products {
-    /// Patterns of norm 1, their products, and the standard error of each value of a product.
+    /// For each product: the pattern, scaled to norm 1, the product itself, and the standard error of its values.
     taken: Vec<(Vec<f64>, Vec<f64>, f64)>,
     of: Option<(Part, usize)>,
     most: usize,
@@ -97,7 +97,7 @@ impl Products {
         Self { taken: Vec::new(), of: None, most }
     }
 
-    /// Keeps products with several patterns, and their standard errors, up to the limit.
+    /// Keeps products of several patterns with their standard errors, until the limit is reached.
     pub(super) fn keep(&mut self, of: (Part, usize), xs: &[&[f64]], ys: &[&mut [f64]], errors: &[f64]) {
         if of.0 == Part::Direct || *self.of.get_or_insert(of) != of {
             return;
@@ -119,7 +119,7 @@ impl Products {
             for (other, product, other_error) in &self.taken[..i] {
                 let [there, back] = [dot(other, y), dot(x, product)];
                 squares += 2.0 * (there - back).powi(2);
-                // The patterns have norm 1, so the error of each value counts once.
+                // The patterns have norm 1, so the variance of an inner product is that of one value.
                 noise += 2.0 * (error * error + other_error * other_error);
                 energy += there * there + back * back;
                 pairs += 1.0;
@@ -132,7 +132,7 @@ impl Products {
         let Some(value) = figure.value() else {
             return Some(Finding::unmeasured("asymmetry", "the products are no more than noise"));
         };
-        // A mean of squares of `pairs` Gaussians has a relative error of √(2/pairs). Its root has half of that relative error.
+        // A mean of `pairs` squares of Gaussians has a relative error of √(2/pairs). The relative error of its root is half as large.
         let error = (squares / energy).sqrt() * (0.5_f64 / pairs).sqrt();
         let found = format!(
             "light from one pixel to another differs from light back by {figure}, ± {}, on the patterns that were shown",

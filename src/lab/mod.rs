@@ -1,7 +1,7 @@
-//! The laboratory: one entry to a scene, a rig, the folder of an earlier run, or a matrix.
+//! The laboratory, one interface to four kinds of sources: a scene, a rig, the folder of an earlier run, or a matrix.
 //!
-//! [`Lab::open`] takes a path and recognizes the kind of source by the extension. A laboratory takes photos ([`Lab::photo`]), hands out its
-//! light transport as a linear operator for the Krylov methods ([`Lab::operator`]), and writes the answers ([`Lab::save`]): arrays,
+//! [`Lab::open`] takes a path and recognizes the kind of source by the extension. A laboratory takes photos ([`Lab::photo`]). It provides
+//! the light transport as a linear operator for the Krylov methods ([`Lab::operator`]). It saves an answer ([`Lab::save`]) as arrays,
 //! pictures, `run.json` and `report.html`.
 //!
 //! ```no_run
@@ -93,7 +93,7 @@ pub fn open(path: impl AsRef<Path>) -> Result<Lab> {
 
 /// An open laboratory.
 ///
-/// It traces nothing and takes no photo until one is asked for. A laboratory and all that it hands out can be sent to another thread.
+/// It traces the scene or takes photos only on request. A laboratory and everything that it returns can be sent to another thread.
 pub struct Lab {
     source: Source,
     settings: Settings,
@@ -103,7 +103,7 @@ pub struct Lab {
     sheet: Arc<Mutex<ContactSheet>>,
     kept_truth: Option<Truth>,
     keeps_photos: bool,
-    /// Whether the question is about the faults of a rig. Then a rig is allowed even if its light is not seen or not proportional.
+    /// Whether the request examines the faults of a rig. A rig is then accepted even if its light is not seen or not proportional.
     audits: bool,
     run: Option<RunFolder>,
     /// Findings about the rig from the photos of the last verb.
@@ -124,22 +124,22 @@ impl Lab {
         LabBuilder::new(path.as_ref())
     }
 
-    /// A laboratory around a scene that a program made, for example a loaded one with another material.
+    /// A laboratory around a scene that a program made, for example a loaded scene with another material.
     pub fn builder_of_scene(scene: Scene) -> LabBuilder {
         LabBuilder::of_scene(scene)
     }
 
-    /// A laboratory around a matrix that a program made, with settings; `name` is used in titles.
+    /// A laboratory around a matrix that a program made, with settings. `name` is used in titles.
     pub fn builder_of_matrix(matrix: Csr, name: impl Into<String>) -> LabBuilder {
         LabBuilder::of_matrix(matrix, name.into())
     }
 
-    /// A laboratory around a rig whose file a program wrote. A run keeps `text`, the file's content. `name` stands for its path.
+    /// A laboratory around a rig whose file a program wrote. A run keeps `text`, the content of the file. `name` replaces the file's path.
     pub fn builder_of_rig(name: impl AsRef<Path>, text: impl Into<String>) -> LabBuilder {
         LabBuilder::of_rig(name.as_ref(), text.into())
     }
 
-    /// A laboratory around a matrix that a program made; `name` is used in titles.
+    /// A laboratory around a matrix that a program made. `name` is used in titles.
     pub fn of_matrix(matrix: Csr, name: impl Into<String>) -> Self {
         let source = Source::Matrix(MatrixSource::new(matrix, name.into()));
         Self::new(source, Settings::default(), SharedObserver::default())
@@ -179,17 +179,17 @@ impl Lab {
         self.source.name()
     }
 
-    /// Pixels of photos. A matrix of `n` rows has `n×1`.
+    /// The resolution of photos. For a matrix of `n` rows, it is `n×1`.
     pub fn resolution(&self) -> Resolution {
         self.source.resolution()
     }
 
-    /// Pixels of patterns.
+    /// The resolution of patterns.
     pub fn projector_resolution(&self) -> Resolution {
         self.source.projector_resolution()
     }
 
-    /// Gray or coloured photos.
+    /// Whether photos are gray or coloured.
     pub fn channels(&self) -> Channels {
         self.channels
     }
@@ -214,7 +214,7 @@ impl Lab {
         &self.observer
     }
 
-    /// The photos that the source's run was allowed to take, if it was completed: the default budget of further questions.
+    /// The number of photos that the source's run was allowed to take, if the run was completed: the default budget of later requests.
     pub fn photos_of_run(&self) -> Option<usize> {
         match &self.source {
             Source::Run(run) => run.photos,
@@ -222,7 +222,7 @@ impl Lab {
         }
     }
 
-    /// The folder of the run that is the source.
+    /// The folder of the source, if the source is a run.
     pub fn folder_of_run(&self) -> Option<&Path> {
         match &self.source {
             Source::Run(run) => Some(&run.folder),
@@ -230,7 +230,7 @@ impl Lab {
         }
     }
 
-    /// The scene, or the scene behind a virtual rig.
+    /// The scene that is the source, or the scene in front of a virtual rig.
     ///
     /// # Errors
     /// [`Error::Data`] if there is none.
@@ -246,7 +246,7 @@ impl Lab {
         Ok(work(&mut self.scene_source()?.tracer()))
     }
 
-    /// The trace settings of the scene, or of the scene behind a virtual rig.
+    /// The trace settings of [`Lab::scene`], if there is a scene.
     pub fn trace_settings(&self) -> Option<TraceSettings> {
         self.scene_source().ok().map(|scene| scene.settings)
     }
@@ -259,12 +259,12 @@ impl Lab {
         }
     }
 
-    /// The standard deviation, in pixels, of the blur that patterns and photos need if a rig's camera has too few pixels; 0 for none.
+    /// The standard deviation, in pixels, of the blur of patterns and photos for a rig whose camera has too few pixels; 0 for no blur.
     pub(crate) fn blur(&self) -> f64 {
         self.source.blur()
     }
 
-    /// Whether a model of an earlier run's photos computes the photos.
+    /// Whether a model computes the photos. The model was made from the photos of an earlier run.
     pub(crate) fn is_model(&mut self) -> Result<bool> {
         Ok(lock(self.transport()?).is_model())
     }
@@ -288,7 +288,7 @@ impl Lab {
     }
 }
 
-/// Locks a mutex. Its value is intact even after a thread panicked, since every change is one assignment.
+/// Locks a mutex. A panic of another thread is ignored: the value is still intact, since every change is one assignment.
 fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

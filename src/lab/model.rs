@@ -9,8 +9,8 @@ use crate::sparse::Csr;
 use crate::transport::Part;
 
 impl Lab {
-    /// Captures the light transport with `photos` photos. The patterns of `block` of them are chosen before any photo is projected back:
-    /// white and smooth random patterns. If `block` is 1, only white is chosen.
+    /// Captures the light transport with `photos` photos. The first `block` patterns are chosen beforehand: white, and smooth random
+    /// patterns. Each further pattern is a photo that is projected back. If `block` is 1, only white is chosen.
     ///
     /// # Errors
     /// As [`capture_channels`] and [`Lab::operators`]; [`Error::Option`] if camera and projector differ in their number of pixels.
@@ -27,7 +27,7 @@ impl Lab {
         let channels = self.photos(|lab| {
             let ambient = lab.ambient()?;
             let direct = lab.direct_parts()?;
-            // The number of first patterns does not exceed the number of photos or of pixels.
+            // The block is limited by the number of photos and by the number of pixels.
             let block = block.min(photos).min(projector.pixels());
             let beside = smooth_starts(projector, block.max(1) - 1, seed);
             let options = LowRankCapture { photos, start: None, beside };
@@ -39,7 +39,7 @@ impl Lab {
         Ok(SavedModel { channels, ambient, resolution, projector, unit, source: name })
     }
 
-    /// The direct light of each channel, as a diagonal if it is one.
+    /// The direct light of each channel, stored as a diagonal if its matrix is diagonal.
     fn direct_parts(&mut self) -> Result<Vec<DirectPart>> {
         if let Some(diagonals) = self.direct_diagonal()? {
             return Ok(diagonals.into_iter().map(DirectPart::Diagonal).collect());
@@ -53,7 +53,7 @@ impl Lab {
         }
     }
 
-    /// The direct light of a rig. Its lenses spread the light.
+    /// The direct light of a rig. It is not diagonal, because the lenses spread the light.
     fn measured_direct(&mut self) -> Result<Option<Vec<DirectPart>>> {
         self.with_measurement(|measurement| {
             let channels = 0..measurement.channels();

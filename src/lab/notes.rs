@@ -1,4 +1,4 @@
-//! The names in a run's journal, and the notes that it keeps beside its photos.
+//! The names in a run's journal, and the notes in it beside the photos.
 
 use std::path::PathBuf;
 
@@ -57,7 +57,7 @@ impl Kind {
     }
 }
 
-/// The expected norm of the error of a product with a vector of norm 1, for each part of the light.
+/// For each part of the light, the expected norm of the error of a product with a vector of norm 1.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct ProductNoise {
     pub(super) full: f64,

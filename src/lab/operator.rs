@@ -13,20 +13,20 @@ use crate::transport::Part;
 
 /// `y = P x` for one part `P` and one channel of the light transport matrix. Each product is one photo: computed, traced, or taken.
 ///
-/// The operator shares ownership of the light transport, so it can outlive the laboratory and move to another thread. The operators of one
-/// laboratory take turns. With a folder, each product is in the journal before it is handed out, and none is taken twice.
+/// The operator shares ownership of the light transport, so it can outlive the laboratory and move to another thread. Only one operator of
+/// a laboratory works at a time. With a folder, the journal keeps each product before the product is returned, and no photo is taken twice.
 pub struct LabOperator {
     transport: Arc<Mutex<LightTransport>>,
     shape: Shape,
     part: Part,
     channel: usize,
     observer: SharedObserver,
-    /// The record of photos for the report; `None` for products that are not photos of the run.
+    /// The record of photos for the report. It is `None` if the products are not photos of the run.
     sheet: Option<Arc<Mutex<ContactSheet>>>,
     photos: usize,
-    /// Whether products only confirm an answer. They cost nothing and are not photos, and a model of other photos cannot compute them.
+    /// Whether products only confirm an answer. Such products cost nothing, do not count as photos, and cannot be computed by a model.
     is_confirming: bool,
-    /// The standard errors of the products of the last call, if the source knows them.
+    /// The standard errors of the products of the last call. The list is empty if the source does not know them.
     errors: Vec<f64>,
 }
 
@@ -58,7 +58,7 @@ impl LabOperator {
         self.part
     }
 
-    /// The channel, below the laboratory's number of channels.
+    /// The channel, an index below the laboratory's number of channels.
     pub fn channel(&self) -> usize {
         self.channel
     }
@@ -68,7 +68,7 @@ impl LabOperator {
         self.photos
     }
 
-    /// Whether products cost only a little computing.
+    /// Whether products cost little computing time and no photos of a rig.
     pub(crate) fn is_free(&self) -> bool {
         lock(&self.transport).is_free()
     }

@@ -1,7 +1,7 @@
-//! Storage of a run that a new run replaces, until the new run is complete.
+//! Storage of a run that a new run replaces. The old run is kept until the new run is complete.
 //!
 //! The old run is moved into `earlier-N.moving`, which is renamed to `earlier-N` when the record of the new run names it. If the program is
-//! killed in between, the next run in the folder finishes the move if the record names it, and undoes it otherwise.
+//! killed in between, the next run in the folder completes the move if the record names `earlier-N`, and otherwise undoes the move.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -18,11 +18,11 @@ use crate::report::run::PAINT;
 const NAME: &str = "earlier-";
 pub(super) const MOVING: &str = ".moving";
 
-/// Runs that were moved into `earlier-N` of their folder.
+/// Runs that were moved into `earlier-N` inside their own folder.
 pub(super) struct Replaced {
     run: PathBuf,
     aside: PathBuf,
-    /// The runs that the replaced run had itself replaced before it was complete.
+    /// Earlier runs that the replaced run had itself replaced before it was complete.
     before: Vec<String>,
 }
 
@@ -31,7 +31,7 @@ impl Replaced {
     pub(super) fn move_aside(run: &Path) -> Result<Self> {
         let is_free =
             |name: &String| [name, &format!("{name}{MOVING}")].iter().all(|name| !is_there(&run.join(name)));
-        // The disk is full before the numbers run out.
+        // The disk is full long before the numbers are used up.
         let name = (1..=u32::MAX).map(|number| format!("{NAME}{number}")).find(is_free).unwrap_or_default();
         let moving = run.join(format!("{name}{MOVING}"));
         file::make_folder(&moving)?;
@@ -45,17 +45,18 @@ impl Replaced {
         Ok(Self { run: run.to_path_buf(), aside: run.join(name), before })
     }
 
-    /// Finishes the move, once the record of the new run names [`Replaced::names`].
+    /// Completes the move. The record of the new run must already name [`Replaced::names`].
     pub(super) fn settle(&self) -> Result<()> {
         fs::rename(self.moving(), &self.aside).map_err(Error::writing(&self.aside))
     }
 
-    /// The replaced runs that the record of an unfinished run names. Runs that a complete run replaced are deleted. A move that a killed
-    /// program left is finished, or undone if no record names it. Errors: [`Error::Read`], [`Error::Write`].
+    /// The replaced runs that the record of an unfinished run names. If the run is complete, the runs that it replaced are deleted. If a
+    /// killed program left a move unfinished, the move is completed if a record names its folder, and otherwise undone. Errors:
+    /// [`Error::Read`], [`Error::Write`].
     pub(super) fn recover(run: &Path) -> Result<Option<Self>> {
         let named = RunManifest::read(&run.join(RECORD)).map_or(Vec::new(), |record| names_in(&record));
         let entries = fs::read_dir(run).map_err(Error::reading(run))?.flatten();
-        // A link with this name was not made by this program.
+        // The filter skips links, since this program makes only real folders.
         for entry in entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir())) {
             let moving = entry.file_name().to_string_lossy().into_owned();
             match moving.strip_suffix(MOVING).filter(|name| is_name(name)) {
@@ -66,7 +67,7 @@ impl Replaced {
                 None => {}
             }
         }
-        // A run that was put back restores its record.
+        // The record is read again, because an undone move restores the record of the old run.
         let Ok(record) = RunManifest::read(&run.join(RECORD)) else { return Ok(None) };
         let mut named = names_in(&record);
         named.retain(|name| fs::symlink_metadata(run.join(name)).is_ok_and(|it| it.is_dir()));
@@ -78,7 +79,7 @@ impl Replaced {
         }
     }
 
-    /// The names of the folders, as the record of the new run lists them. The last one is the run that it replaces.
+    /// The names of the folders in the order of the new run's record. The last folder holds the run that the new run replaces.
     pub(super) fn names(&self) -> Vec<String> {
         let last = self.aside.file_name().map(|name| name.to_string_lossy().into_owned());
         self.before.iter().cloned().chain(last).collect()
@@ -96,7 +97,8 @@ impl Replaced {
         self.names().iter().try_for_each(|name| file::remove(&self.run.join(name)))
     }
 
-    /// Puts the run back in place of one without photos. That one's record is removed first, so that the next program can finish the work.
+    /// Puts the replaced run back in place of a new run without photos. The record of the new run is removed first. If the program is
+    /// killed here, the next program can therefore complete the work.
     pub(super) fn restore(&self) -> Result<()> {
         let moving = self.moving();
         if is_there(&self.aside) {
@@ -113,14 +115,14 @@ impl Replaced {
     }
 }
 
-/// Moves all entries of a folder into another one, where they replace those of the same name, and removes the folder. The record is last.
+/// Moves all entries of one folder into another, the record last, and removes the first folder. An entry replaces one of the same name.
 pub(super) fn move_all(from: &Path, to: &Path) -> Result<()> {
     let entries = fs::read_dir(from).map_err(Error::reading(from))?.flatten();
     let mut names: Vec<_> = entries.map(|entry| entry.file_name()).collect();
     names.sort_by_key(|name| name == RECORD);
     let is_folder = |path: &Path| fs::symlink_metadata(path).is_ok_and(|it| it.is_dir());
     for (source, place) in names.iter().map(|name| (from.join(name), to.join(name))) {
-        // A renamed file replaces another one atomically, so only folders are removed first.
+        // A renamed file replaces an existing file atomically, so only folders must be removed first.
         if is_folder(&source) || is_folder(&place) {
             file::remove(&place)?;
         }
@@ -132,7 +134,7 @@ pub(super) fn move_all(from: &Path, to: &Path) -> Result<()> {
 /// The names of a run's files and folders, with the record last.
 fn parts(run: &Path) -> Vec<PathBuf> {
     let listed = RunManifest::read(&run.join(RECORD)).map_or(Vec::new(), |record| record.outputs);
-    // Files in folders belong to the model, which moves as one folder.
+    // A listed file inside a subfolder belongs to the model, whose folder moves as a whole.
     let is_part = |name: &String| !is_name(name) && is_file_name(name);
     let listed = listed.into_iter().filter(is_part).map(PathBuf::from);
     let fixed = [JOURNAL, model::FOLDER, REPORT, PAINT].map(PathBuf::from);
@@ -145,12 +147,12 @@ fn names_in(record: &RunManifest) -> Vec<String> {
     record.replaces.iter().filter(|name| is_name(name)).cloned().collect()
 }
 
-/// Whether a path in a record is a plain name in the run's own folder. A record from elsewhere may list any path.
+/// Whether a path in a record is a plain name in the run's own folder. The record may be from elsewhere and list any path.
 pub(super) fn is_file_name(path: &str) -> bool {
     Path::new(path).file_name().is_some_and(|name| name == path)
 }
 
-/// Whether this is the name of a replaced run. A record from elsewhere may name any path.
+/// Whether this is the name of a replaced run. The record may be from elsewhere and list any name.
 pub(super) fn is_name(name: &str) -> bool {
     name.strip_prefix(NAME)
         .is_some_and(|number| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()))

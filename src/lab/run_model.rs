@@ -13,10 +13,10 @@ use crate::journal::Journal;
 use crate::operator::Product;
 use crate::transport::Channels;
 
-/// The low-rank model of a run in a folder: the model that the run saved, or one made from all its photos. No photo is taken.
+/// The low-rank model of the run in a folder, either saved by the run or made from all photos of the run. No photo is taken.
 ///
 /// # Errors
-/// [`Error::Data`] if the folder has neither; [`Error::Journal`] if the photos do not suffice.
+/// [`Error::Data`] if the folder has neither a model nor photos; [`Error::Journal`] if the photos do not suffice.
 pub fn open_model(folder: &Path, observer: &SharedObserver) -> Result<SavedModel> {
     if model::is_in(folder) {
         return SavedModel::read(folder);
@@ -24,7 +24,7 @@ pub fn open_model(folder: &Path, observer: &SharedObserver) -> Result<SavedModel
     from_photos(&run_with_photos(folder)?, observer)
 }
 
-/// The channels of the model that [`open_model`] returns, and the pixels of its photos and patterns; [`Error::Data`] if there is no model.
+/// The channels of the model that [`open_model`] returns, and the resolutions of its photos and patterns. [`Error::Data`] without a model.
 pub(crate) fn model_shape(folder: &Path) -> Result<(Channels, [Resolution; 2])> {
     if model::is_in(folder) {
         let model = SavedModel::read(folder)?;
@@ -35,10 +35,10 @@ pub(crate) fn model_shape(folder: &Path) -> Result<(Channels, [Resolution; 2])> 
 }
 
 impl Lab {
-    /// The low-rank model of the light transport: the model that a run saved, or one made from all the photos of a run. No photo is taken.
+    /// The low-rank model of the light transport, either saved by the run or made from all photos of the run. No photo is taken.
     ///
     /// # Errors
-    /// [`Error::Data`] if the source is not the folder of a run; [`Error::Journal`] if its photos do not suffice.
+    /// [`Error::Data`] if the source is not the folder of a run; [`Error::Journal`] if the photos of the run do not suffice.
     pub fn model(&self) -> Result<SavedModel> {
         match &self.source {
             Source::Model(source) => Ok(source.model.clone()),
@@ -48,7 +48,7 @@ impl Lab {
         }
     }
 
-    /// Whether the source is the folder of a run, so that a model answers without further photos.
+    /// Whether the source is the folder of a run, so that a model can predict further photos.
     pub fn has_model(&self) -> bool {
         matches!(self.source, Source::Model(_) | Source::Run(_))
     }
@@ -106,10 +106,10 @@ fn from_photos(run: &RunSource, observer: &SharedObserver) -> Result<SavedModel>
     })
 }
 
-/// An estimate of the direct light for a run that did not measure it but has the white photo.
+/// An estimate of the direct light, for a run that has the white photo but no measurement of the direct light.
 fn estimated(full: &[Product], observer: &SharedObserver) -> Result<Vec<f64>> {
     let level = |product: &Product| product.from.iter().copied().fold(0.0, f64::max);
-    // A rig never lights the pixels that its camera does not see.
+    // The mask excludes pixels that the rig never lights because its camera does not see them.
     let pixels = full.first().map_or(0, |product| product.from.len());
     let lit: Vec<bool> =
         (0..pixels).map(|pixel| full.iter().any(|product| product.from[pixel] != 0.0)).collect();

@@ -1,4 +1,4 @@
-//! The run of a laboratory: its folder from the first photo to the report.
+//! The run of a laboratory, from its folder to its report.
 
 use std::path::Path;
 use std::time::Instant;
@@ -11,8 +11,8 @@ use crate::finding::{Finding, merge};
 use crate::io::manifest::Verification;
 
 impl Lab {
-    /// Begins a run and makes its folder. The journal in it keeps every photo from now on. If the options name no folder, it is
-    /// `out/NAME-VERB`. Call it before the first photo.
+    /// Begins a run and makes its folder. The journal in the folder keeps every photo from now on. If the options name no folder, the
+    /// folder is `out/NAME-VERB`. Call it before the first photo.
     ///
     /// # Errors
     /// [`Error::Option`] when the folder holds an earlier run that must not be overwritten; [`Error::Write`].
@@ -29,7 +29,7 @@ impl Lab {
         self.run.as_mut()
     }
 
-    /// Records in the open run how many photos a verb may take. This is the default budget of further questions to the run.
+    /// Records in the open run how many photos a verb may take. Later requests to the run use this number as their default budget.
     pub(crate) fn allow_photos(&mut self, photos: usize) {
         if let Some(run) = &mut self.run {
             run.manifest.photos_allowed = Some(photos);
@@ -46,7 +46,7 @@ impl Lab {
         result
     }
 
-    /// Writes an answer into a folder: arrays, pictures, `run.json` and `report.html`. A folder with a run must be that of the open run.
+    /// Writes an answer into a folder: arrays, pictures, `run.json` and `report.html`. If the folder holds a run, it must be the open run.
     ///
     /// # Errors
     /// [`Error::Option`] if the folder holds another run; [`Error::Write`]; the errors of the photos that the report shows.
@@ -59,7 +59,7 @@ impl Lab {
         self.finish(answer)
     }
 
-    /// All findings about an answer and about the rig that its photos show. They determine the colour of its page and the exit status.
+    /// All findings about the answer, and about the rig that took its photos. They determine the colour of the page and the exit status.
     pub fn findings_of(&self, answer: &(impl Answer + ?Sized)) -> Vec<Finding> {
         let mut all = self.findings.clone();
         merge(&mut all, answer.findings());
@@ -91,7 +91,7 @@ impl Lab {
         self.record_costs(run, answer.has_white())?;
         merge(&mut self.findings, run.manifest.rig.iter().flat_map(|rig| rig.findings.clone()));
         run.manifest.findings = self.findings_of(answer);
-        // The run is already closed.
+        // The verification joins the findings here, because the run is no longer open.
         merge(&mut run.manifest.findings, run.manifest.verification.as_ref().map(Verification::finding));
         let seconds = run.seconds();
         let start = Instant::now();
@@ -106,7 +106,7 @@ impl Lab {
         })
     }
 
-    /// Ends the open run, if any, of a verb that leaves no report. `photos` is the number of its photos. Fails with [`Error::Write`].
+    /// Ends the open run, if any, for a verb that leaves no report. `photos` is the run's number of photos. Fails with [`Error::Write`].
     pub fn end_run(&mut self, photos: usize, message: &str) -> Result<()> {
         let Some(mut run) = self.run.take() else { return Ok(()) };
         run.manifest.photos = photos as u64;
@@ -122,7 +122,7 @@ impl Lab {
         }
     }
 
-    /// Records the costs of a rig, unless that was done after its photos.
+    /// Records the costs of a rig, unless they are already recorded.
     fn record_costs(&self, run: &mut RunFolder, is_complete: bool) -> Result<()> {
         if let (Some(transport), None) = (&self.transport, &run.manifest.rig) {
             run.manifest.rig = lock(transport).record(is_complete)?;
@@ -131,7 +131,7 @@ impl Lab {
     }
 
     fn closed_by(&mut self, error: &Error, run: &mut RunFolder) {
-        // The error itself is more important than the failure to record it.
+        // A failure to record the error is ignored, since the error itself is more important.
         let _ = self.record_costs(run, false);
         if let Err(why) = run.close(Err(error)) {
             self.observer.note(format_args!("note: the record of the run is not written: {why}"));

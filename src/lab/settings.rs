@@ -28,12 +28,12 @@ pub struct Settings {
     pub channels: ChannelChoice,
     /// Other processes that trace scenes and keep a part of their matrices. This process leads them.
     pub team: Option<Arc<Team>>,
-    /// Whether a scene's matrix keeps the second bounce in a separate layer from the third and later ones.
+    /// Whether a scene's matrix keeps the second bounce in a separate layer from the third and later bounces.
     pub split_bounces: bool,
 }
 
 impl Settings {
-    /// The option name of the first setting that affects tracing. A source that traces nothing refuses it.
+    /// The option name of the first given setting that affects tracing. A source that traces nothing refuses this setting.
     pub fn first_of_trace(&self) -> Option<&'static str> {
         let view = [
             (self.view.camera.is_some(), "--camera"),
@@ -46,7 +46,7 @@ impl Settings {
         trace.or(adapter).or(view.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name))
     }
 
-    /// The option name of the first setting that affects how the photos of a scene are computed. Other sources refuse it.
+    /// The option name of the first given setting that affects how the photos of a scene are computed. Other sources refuse this setting.
     pub fn first_of_operator(&self) -> Option<&'static str> {
         let given = [
             (self.operator.choice != OperatorChoice::Auto, "--operator"),
@@ -126,9 +126,9 @@ pub enum ChannelChoice {
     /// One gray pattern, one photo weighted by luminance.
     #[default]
     Luma,
-    /// Red, green and blue: three independent systems.
+    /// Red, green and blue: three independent linear systems.
     Rgb,
-    /// The channels of the source: colours for a scene, the channels of a rig's devices, or those of a run's photos.
+    /// The channels of the source: colours for a scene, the devices' channels for a rig, and the channels of its photos for a run.
     Native,
 }
 
@@ -144,7 +144,7 @@ impl From<Channels> for ChannelChoice {
 /// The place where matrices are kept for later runs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum CacheChoice {
-    /// The folder that the environment variable `KRYLUX_CACHE` names (none if it is empty), or else `krylux` in the user's cache folder.
+    /// The folder in the environment variable `KRYLUX_CACHE` (none if it is empty), or by default `krylux` in the user's cache folder.
     #[default]
     Default,
     /// Matrices are not kept.
@@ -204,7 +204,7 @@ pub struct TraceOverrides {
     pub projector: Option<Resolution>,
 }
 
-/// Pixels: `128` is square, `128x96` is width by height.
+/// Parses a resolution: `128` is square, `128x96` is width by height.
 pub(crate) fn size(text: &str) -> Result<Resolution, String> {
     let side = |side: &str| match side.parse::<usize>() {
         Ok(side @ 1..=16384) => Ok(side),
@@ -219,7 +219,7 @@ fn radius(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| format!("`{text}` is not a number; write one as in 0.5 or 1e-6"))
 }
 
-/// A number of bytes: `8GiB`, `500MB`, `1.5G` or `1000`.
+/// Parses a number of bytes: `8GiB`, `500MB`, `1.5G` or `1000`.
 pub(crate) fn byte_count(text: &str) -> Result<u64, String> {
     const UNITS: [(&str, u64); 14] = [
         ("", 1),
@@ -248,7 +248,7 @@ pub(crate) fn byte_count(text: &str) -> Result<u64, String> {
 }
 
 impl TraceOverrides {
-    /// Replaces fields of `settings` by the values given here, except the seed.
+    /// Replaces fields of `settings` by the given values. The seed stays.
     fn over(&self, settings: TraceSettings) -> TraceSettings {
         TraceSettings {
             resolution: self.resolution.unwrap_or(settings.resolution),
@@ -271,7 +271,7 @@ impl TraceOverrides {
         TraceSettings { seed, ..self.over(TraceSettings::new(Resolution::new(128, 128), 64)) }
     }
 
-    /// The settings for the scene of a virtual rig whose file contains `settings`. The seed is the file's: equal devices see equal scenes.
+    /// The settings for the scene of a virtual rig whose file contains `settings`. Its seed is kept, so equal devices see equal scenes.
     pub fn for_rig(&self, settings: TraceSettings) -> TraceSettings {
         self.over(settings)
     }
@@ -281,7 +281,7 @@ impl TraceOverrides {
         self.seed.unwrap_or(0).into()
     }
 
-    /// The option name of the first given setting that affects tracing, except the seed.
+    /// The option name of the first given setting that affects tracing. The seed does not count.
     fn given(&self) -> Option<&'static str> {
         let given = [
             (self.resolution.is_some(), "--size"),

@@ -1,4 +1,4 @@
-//! A scene's matrix on several machines: independently traced shards, the joined matrix, and a prediction for several processes.
+//! A scene's matrix on several machines: independently traced shards, their joined matrix, and predicted costs of several processes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -16,20 +16,20 @@ use crate::machine;
 use crate::sparse::Csr;
 use crate::transport::{self, Assembled, Channels, Network, Part, Probe, Scaled, Shard, ShardRecord};
 
-/// A shard in its file.
+/// A shard and its file.
 #[derive(Clone, Debug)]
 pub struct TracedShard {
-    /// Its record.
+    /// The record of the shard.
     pub record: ShardRecord,
-    /// The bytes of its file.
+    /// The size of the file in bytes.
     pub bytes: u64,
     /// Whether the shard was traced now. Otherwise it existed already.
     pub is_new: bool,
 }
 
 impl Lab {
-    /// Traces part `of.0` (from 1) of `of.1` of a scene's matrix into a file for [`join_shards`]. If the file already holds this shard,
-    /// nothing is traced. A different or damaged shard is replaced.
+    /// Traces part `of.0` (from 1) of `of.1` parts of a scene's matrix into a file for [`join_shards`]. If the file already holds this
+    /// shard, nothing is traced. A different or damaged shard is replaced.
     ///
     /// # Errors
     /// [`Error::Option`] naming `--shard` for other sources than a scene, and for a part that does not exist; [`Error::Data`] for an
@@ -73,7 +73,7 @@ impl SceneSource {
         Ok(TracedShard { record: shard.record().clone(), bytes, is_new: true })
     }
 
-    /// The facts that all shards of a matrix share.
+    /// The facts in which all shards of a matrix agree.
     fn shard_origin(&self, channels: Channels, split: bool) -> ShardOrigin {
         let settings = &self.settings;
         let projector = settings.projector.unwrap_or(settings.resolution);
@@ -94,7 +94,7 @@ impl SceneSource {
         }
     }
 
-    /// The requested shard, if the file already holds it. A different shard is reported.
+    /// The requested shard, if the file already holds it. If the file holds a different shard, this is reported.
     fn whole_shard(&self, file: &Path, origin: &ShardOrigin, of: (usize, usize)) -> Option<TracedShard> {
         let found = ShardFile::open(file).and_then(|there| {
             let record = there.record();
@@ -125,13 +125,13 @@ impl SceneSource {
 pub struct JoinedShards {
     /// The matrix.
     pub traced: Assembled,
-    /// Whether the first bounce, the second one and the rest are separate matrices.
+    /// Whether the first bounce, the second bounce and all later bounces are separate matrices.
     pub splits_bounces: bool,
 }
 
 impl JoinedShards {
     /// The matrices of every channel, `[channel]`, each with a name for its file, as [`Lab::matrices`](crate::lab::Lab::matrices). `part`
-    /// selects the light; `None` means all light.
+    /// selects a part of the light; `None` means all light.
     ///
     /// # Errors
     /// [`Error::Option`] for a part if the bounces are separate matrices.
@@ -152,8 +152,8 @@ impl JoinedShards {
     }
 }
 
-/// The matrix joined from all shards, in any order. It equals [`Lab::matrices`](crate::lab::Lab::matrices) of one machine bit for bit. The
-/// cache keeps it, so that later questions need not trace it.
+/// Joins all shards, in any order, to one matrix. The result equals [`Lab::matrices`](crate::lab::Lab::matrices) on one machine bit for
+/// bit. The cache keeps the matrix, so that later requests need not trace it.
 ///
 /// # Errors
 /// [`Error::Read`] and [`Error::Data`] naming a file that is damaged, or whose shard belongs to another matrix; [`Error::Option`] naming
@@ -216,7 +216,7 @@ fn require_one_matrix(files: Vec<ShardFile>) -> Result<Vec<ShardFile>> {
         format!("it is not of the same matrix as {}: {}", first.path().display(), found.join("; ")),
     )
     .help("join shards of the same scene, traced with equal options, drivers and programs");
-    // The record of a damaged file may contain any numbers.
+    // A damaged file may have any record, so both files are checked for damage before the mismatch is reported.
     files
         .into_iter()
         .enumerate()
@@ -294,7 +294,7 @@ pub struct Scaling {
 
 impl Lab {
     /// Predicts memory and time of `photos` photos of a scene by a Krylov method, for each of these numbers of processes. All machines are
-    /// assumed to be like this one. A small matrix is traced and multiplied for the prediction, which takes seconds.
+    /// assumed to equal this one. The prediction takes seconds, since it traces a small matrix and multiplies with it.
     ///
     /// # Errors
     /// [`Error::Option`] for other sources than a scene; errors of tracing.

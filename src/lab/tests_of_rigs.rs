@@ -1,4 +1,4 @@
-//! Measurements of a realistic rig, compared with the true light transport of the scene before it.
+//! Measurements of a realistic rig, compared with the true light transport of the scene in front of it.
 
 use std::path::Path;
 
@@ -18,11 +18,12 @@ use crate::transport::Part;
 const REALISTIC: &str = include_str!("../../assets/rigs/realistic.toml");
 
 fn traced(scene: Scene, side: usize) -> Result<Lab> {
-    // The seed of the light paths differs from that of the shipped rig files.
+    // The seed of the light paths differs from the seed in the shipped rig files.
     Lab::builder_of_scene(scene).size(side, side).samples(64).seed(9).open()
 }
 
-/// The uncalibrated realistic rig before a scene. Its camera has `finer` times the scene's pixels per side. Lines of its file are replaced.
+/// The uncalibrated realistic rig in front of a scene. Per side, its camera has `finer` times the scene's pixels. In the rig file, the
+/// first text of each pair in `replaced` is replaced by the second.
 fn before(exact: &Lab, finer: f64, replaced: &[[&str; 2]]) -> Result<Lab> {
     let side = (finer * exact.resolution().width as f64).round();
     let mut text = REALISTIC.replace("size = [160, 160]", &format!("size = [{side}, {side}]"));
@@ -37,7 +38,7 @@ fn white(lab: &mut Lab, part: Part) -> Result<Vec<f64>> {
     Ok(lab.white_of(part)?.swap_remove(0))
 }
 
-/// The relative error of a part's photo under white, in a unit that the ratio of the full white photos defines.
+/// The relative error of a part's photo under white. The ratio of the white photos of the full light defines the unit.
 fn error(rig: &mut Lab, exact: &mut Lab, part: Part) -> Result<f64> {
     let unit = white(rig, Part::Full)?.iter().sum::<f64>() / white(exact, Part::Full)?.iter().sum::<f64>();
     let (found, truth) = (white(rig, part)?, white(exact, part)?);
@@ -51,7 +52,7 @@ fn a_sheet_tells_the_vignetting_of_both_devices() -> Result<()> {
     let mut rig = before(&exact, 2.5, &[])?;
     assert!(rig.measure_flat_field().is_err(), "a rig that was not calibrated");
     let report = rig.calibrate(&Default::default())?;
-    // The corners of the projector have 0.9 of the light of its centre, and those of the camera 0.85.
+    // The corners of the projector have 0.9 of the light at its centre. For the camera, this factor is 0.85.
     let ratio = report.evenness.map_or(f64::NAN, |evenness| evenness.value);
     assert!((ratio - 0.944).abs() < 0.03, "{ratio}");
     let lines = report.lines();
@@ -64,7 +65,7 @@ fn a_sheet_tells_the_vignetting_of_both_devices() -> Result<()> {
     let uneven = error(&mut rig, &mut exact, Part::Full)?;
     let flat = rig.measure_flat_field()?;
     let corner = |values: &[f64]| values[0] / values.iter().copied().fold(0.0, f64::max);
-    // Half a pixel inside the corner, the vignetting is a tenth less than in the corner.
+    // The corner pixel is half a pixel inside the corner, where the vignetting is a tenth weaker.
     assert!((corner(&flat.projector) - 0.905).abs() < 0.02, "{}", corner(&flat.projector));
     assert!((corner(&flat.camera) - 0.857).abs() < 0.02, "{}", corner(&flat.camera));
     let even = error(&mut rig, &mut exact, Part::Full)?;
@@ -73,7 +74,8 @@ fn a_sheet_tells_the_vignetting_of_both_devices() -> Result<()> {
     Ok(())
 }
 
-/// The corners of the projector have 0.9 of the centre's light, and those of the camera 0.85. Ignoring one gives an error of a tenth.
+/// The corners of the projector have 0.9 of the light at its centre; for the camera, this factor is 0.85. Ignoring either gives an error of
+/// a tenth.
 #[test]
 fn white_and_direct_light_are_those_of_even_devices() -> Result<()> {
     let exact = traced(builtin::zigzag().to_scene(), 24)?;
@@ -87,10 +89,10 @@ fn white_and_direct_light_are_those_of_even_devices() -> Result<()> {
             found.iter().zip(&expected).map(|(found, expected)| found - expected).collect();
         norm(&misfit) / norm(&expected)
     };
-    // A pattern of ones, like every pattern, is dimmed at pixels where the projector is brighter.
+    // A pattern is dimmed at pixels where the projector is brighter, also the pattern of ones.
     let (white, photo) = (rig.white()?, rig.photo(&ones)?);
     assert!(off(&white, &photo) < 0.01, "{}", off(&white, &photo));
-    // The direct light under ones equals the row sums of its matrix.
+    // The direct light under ones equals the row sums of the direct light's matrix.
     let sums = rig.with_measurement(|measurement| {
         let direct = measurement.direct()?;
         let rows = measurement.direct_rows(0)?;
@@ -111,14 +113,14 @@ fn white_and_direct_light_are_those_of_even_devices() -> Result<()> {
 fn direct_light_that_lens_and_camera_spread_is_no_global_light() -> Result<()> {
     let mut exact = traced(builtin::corner().to_scene(), 48)?;
     let blurred = ["blur = 0.2", "blur = 0.6"];
-    // The noise of the direct light is 0.07 of the global light. The error with codes, which show the blur, is 0.083. With squares of two
-    // pixels, which hide the blur, it was 0.13. The coarse camera does not resolve codes.
+    // The limit for the fine camera is near its measured error of 0.083, with codes, which show the blur. Squares of two pixels hide the
+    // blur and gave 0.13. The noise of the direct light alone is 0.07 of the global light. The coarse camera does not resolve codes.
     for (finer, most) in [(2.5, 0.10), (1.0, 0.35)] {
         let mut rig = before(&exact, finer, &[blurred])?;
         rig.calibrate(&Default::default())?;
         rig.measure_flat_field()?;
         let global = error(&mut rig, &mut exact, Part::Global)?;
-        // Direct light modelled as a diagonal left an error of 1.8 here.
+        // A diagonal model of the direct light left an error of 1.8 here.
         assert!(global < most, "{global} with {finer} camera pixels for each of the projector's");
     }
     Ok(())
@@ -134,7 +136,7 @@ fn a_camera_as_coarse_as_the_projector_is_registered_to_a_part_of_a_pixel() -> R
     let [x, y] = lens.to_projector([24.0, 24.0]);
     assert!((x - 24.3).abs() < 0.03 && (y - 24.4).abs() < 0.03, "{x} {y}");
     let white = error(&mut rig, &mut exact, Part::Full)?;
-    // With Gray codes the error was 0.1, because they gave the map of a camera that does not look past the lit area. The rest is noise.
+    // The remaining error is noise. With Gray codes it was 0.1, because they gave a pixel map of a camera that sees only the lit area.
     assert!(white < 0.06, "{white}");
     Ok(())
 }
@@ -169,8 +171,8 @@ fn a_rig_whose_light_is_not_in_proportion_is_refused_until_it_is_calibrated() ->
     Ok(())
 }
 
-/// A camera aligned with the projector, with 2 or 2.5 of its pixels for one of the projector's. Its pixels at the border of the lit area
-/// see a trace of unlit projector pixels (calibrated) or half of a neighbour (ideal), which once gave an index of 0.0 to 0.23.
+/// The camera is aligned with the projector, and has 2 or 2.5 pixels per projector pixel. At the border of the lit area, its pixels see a
+/// trace of unlit projector pixels (calibrated), or half of a neighbour (ideal). They once caused an adjusted Rand index of 0.0 to 0.23.
 #[test]
 fn an_aligned_camera_finds_the_groups_at_silhouettes_too() -> Result<()> {
     let exact = traced(builtin::zigzag().to_scene(), 24)?;
@@ -212,7 +214,7 @@ fn noise_of_a_twelfth_of_the_light_does_not_ruin_a_segmentation() -> Result<()> 
     let found = segment(&mut global, &options)?;
     assert!(global.standard_error() > 0.0);
     let score = adjusted_rand_index(&found.labels[0].1, &exact.labels()?)?;
-    // Without the low-pass the score was between 0 and 0.4, from eigenvectors of noise.
+    // Without the low-pass filter, the eigenvectors were noise, and the score was between 0 and 0.4.
     assert!(score > 0.98 && found.regions.count == 2, "{score} {:?}", found.regions);
     Ok(())
 }

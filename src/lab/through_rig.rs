@@ -1,4 +1,4 @@
-//! One scene seen exactly, and through the devices of virtual rigs.
+//! The exact view of a scene, and its view through the devices of virtual rigs.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::measure::{Calibration, RigFile};
 
 impl Lab {
-    /// The same scene through the virtual devices of a rig file, in place of the scene that the file names. The scene is traced again only
+    /// The same scene seen by the virtual devices of a rig file. This scene replaces the scene that the file names. It is traced again only
     /// if the devices have other channels than this laboratory. Without a calibration in the file, the devices are taken as ideal until
     /// [`Lab::calibrate`] or [`Lab::set_calibration`].
     ///
@@ -41,14 +41,14 @@ impl Lab {
         Ok(Self::new(Source::Rig(Box::new(rig)), settings, self.observer.clone()))
     }
 
-    /// Uses this calibration for the rig's photos from now on. Call it before the first photo of a run.
+    /// Uses this calibration for photos of the rig from now on. Call it before the first photo of a run.
     ///
     /// # Errors
     /// [`crate::Error::Option`] if the source is not a rig; [`crate::Error::Rig`] when the calibration belongs to other devices.
     pub fn set_calibration(&mut self, calibration: Calibration) -> Result<()> {
         let Source::Rig(rig) = &mut self.source else { return Err(self.is_no_rig()) };
         rig.calibrated_by(calibration)?;
-        // The light transport was opened with the previous calibration.
+        // The open light transport still uses the previous calibration.
         self.transport = None;
         Ok(())
     }
@@ -96,7 +96,7 @@ mod tests {
         assert!(exact.assembled()?.is_some_and(|traced| Arc::ptr_eq(&traced, &twin)));
         let light = exact.white()?.plane(0);
         let unit = seen.iter().sum::<f64>() / light.iter().sum::<f64>();
-        // The unit is one count of 65535. White fills half of them within 0.1 s.
+        // One unit is one count of 65535. A white pattern fills half of the counts within 0.1 s.
         let off = seen.iter().zip(&light).map(|(seen, light)| (seen - unit * light).abs());
         assert!(off.fold(0.0, f64::max) <= 10.0);
         Ok(())

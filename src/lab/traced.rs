@@ -33,8 +33,8 @@ pub(super) fn load(path: &Path, options: LoadOptions<'_>, observer: &SharedObser
     Ok(scene)
 }
 
-/// The bytes of memory per triangle that a scene and its search tree take while they are moved to the device. A measurement with 7.7
-/// million triangles gave 640, of which the scene itself takes 152.
+/// The bytes of memory per triangle for a scene and its search tree while they are moved to the device. A measurement with 7.7 million
+/// triangles gave 640 bytes per triangle, including 152 bytes for the scene itself.
 const BYTES_PER_TRIANGLE: u64 = 640;
 
 /// Checks that the search tree of a scene takes no more than `most` bytes of memory.
@@ -55,21 +55,21 @@ fn require_memory(scene: &Scene, most: u64) -> Result<()> {
     .help("simplify the meshes, place fewer of them, or use a machine with more memory"))
 }
 
-/// The share of reading the files in the time to load a scene. The rest builds the search tree.
+/// The share of the load time of a scene that reading the files takes. The search tree takes the other share.
 const READING: f32 = 0.5;
 
-/// As [`told`], with a stop returned as an error.
+/// As [`told`], but a stop is returned as an error.
 pub(super) fn at(observer: &SharedObserver, share: f32) -> Result<()> {
     if told(observer, share).is_break() { Err(Error::Interrupted) } else { Ok(()) }
 }
 
-/// Tells the observer the loaded share of a scene: zero, the files, or all with the search tree. Returns whether to continue.
+/// Tells the observer the loaded share of a scene: 0, [`READING`] after the files, 1 after the search tree. Returns whether to continue.
 fn told(observer: &SharedObserver, share: f32) -> ControlFlow<()> {
     let done = (100.0 * share) as u64;
     observer.0.step(&Step { stage: "loading", done, total: 100, estimate: Estimate::None })
 }
 
-/// Stores a matrix in the cache. A failure is only reported, since the next run can trace again.
+/// Stores a matrix in the cache. A failure is only reported, since the next run can trace the matrix again.
 pub(super) fn store(cache: &Cache, key: &Key, traced: &Assembled, observer: &SharedObserver) {
     match cache.store(key, traced) {
         Ok(true) => {
@@ -97,7 +97,7 @@ pub(super) fn report_trace(summary: &TraceSummary, observer: &SharedObserver) {
     ));
 }
 
-/// Reports a matrix that took the time since `start`.
+/// Reports the size and the noise of a matrix, and the time since `start`.
 pub(super) fn report_matrix(traced: &Assembled, start: Instant, observer: &SharedObserver) {
     observer.info(format_args!(
         "matrix    {} entries, {:.1} MiB, {:.2} s in all",

@@ -1,4 +1,4 @@
-//! The light transport of an open source. Every product with a part of its matrix, and every photo, passes through it.
+//! The light transport of an open source. It computes every photo, and every product with a part of the matrix.
 
 mod opening;
 
@@ -24,11 +24,11 @@ use crate::transport::{
 };
 pub(super) use opening::require_photo_memory;
 
-/// The light transport of a source: the engine that takes photos, and the journal of a scene. The journal of a rig is behind its frames.
+/// The light transport of a source: the engine that takes photos, and the journal of a scene. A rig keeps its own journal of raw frames.
 pub(super) struct LightTransport {
     engine: Engine,
     journal: Option<Journal>,
-    /// The finished run whose photos are replayed. A model of them answers questions about photos that were not taken.
+    /// The finished run whose photos are replayed. A model made from these photos predicts photos that were not taken.
     run: Option<PathBuf>,
     shape: Shape,
     observer: SharedObserver,
@@ -40,11 +40,11 @@ pub(super) struct Shape {
     pub(super) patterns: Resolution,
     pub(super) symmetry: Symmetry,
     pub(super) channels: usize,
-    /// The number of products that together take about as long as one.
+    /// The number of products that, computed together, take about as long as one product.
     pub(super) block_size: usize,
 }
 
-/// The source of photos.
+/// The engine that provides photos.
 enum Engine {
     /// Products with a traced matrix.
     Replayed(Arc<Assembled>),
@@ -114,7 +114,7 @@ impl LightTransport {
     pub(super) fn shape(&mut self) -> Shape {
         let block_size = match &mut self.engine {
             Engine::JournalOnly => 1,
-            // An error here occurs again at the first product, which returns it.
+            // An error is ignored here, because the first product encounters it again and returns it.
             engine => engine.with_operator(Part::Full, 0, |operator| Ok(operator.block_size())).unwrap_or(1),
         };
         Shape { block_size, ..self.shape }
@@ -127,7 +127,7 @@ impl LightTransport {
         }
     }
 
-    /// As [`crate::lab::Lab::product_noise`]. It is also known for a run whose journal keeps it.
+    /// The noise as [`crate::lab::Lab::product_noise`]. The journal of a run may also contain it.
     pub(super) fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
         let noise = match (&self.engine, &mut self.journal) {
             (Engine::Replayed(traced), _) => opening::product_noise(traced),
@@ -148,12 +148,12 @@ impl LightTransport {
         matches!(self.engine, Engine::Model(_))
     }
 
-    /// Whether photos cost nothing but computing.
+    /// Whether photos cost only computing time.
     pub(super) fn is_simulated(&self) -> bool {
         !matches!(self.engine, Engine::Measured(_))
     }
 
-    /// Whether products cost almost nothing: those with a matrix, and those in a journal.
+    /// Whether products cost almost nothing. This holds for products with a matrix, and for products in a journal.
     pub(super) fn is_free(&self) -> bool {
         matches!(self.engine, Engine::Replayed(_) | Engine::Explicit(_) | Engine::JournalOnly)
     }
@@ -170,7 +170,7 @@ impl LightTransport {
         self.rig().map(|rig| rig.record(is_complete)).transpose()
     }
 
-    /// Calls `ask`. If a photo that it needs was not taken, calls it once more with a model of the finished run's photos.
+    /// Calls `ask`. If `ask` needs a photo that was not taken, calls it once more with a model made from the finished run's photos.
     fn or_by_model<T>(&mut self, mut ask: impl FnMut(&mut Self) -> Result<T>) -> Result<T> {
         let missing = match ask(self) {
             Err(error @ Error::NotTaken { .. }) => error,
@@ -187,8 +187,8 @@ impl LightTransport {
         ask(self)
     }
 
-    /// Products of one part and channel with several vectors, and their standard errors if the source knows them. The journal keeps products
-    /// that only confirm an answer apart from the photos used for models.
+    /// Products of one part and channel with several vectors, and their standard errors if the source knows them. In the journal, products
+    /// that only confirm an answer have a separate name, so that no model uses them.
     pub(super) fn products(
         &mut self,
         (of, is_confirming): ((Part, usize), bool),
@@ -203,7 +203,7 @@ impl LightTransport {
         self.or_by_model(|transport| transport.products_taken(&name, of, direction, xs, ys))
     }
 
-    /// Products that the journal keeps under this name.
+    /// Products, from the journal if it keeps them under this name.
     fn products_taken(
         &mut self,
         name: &str,
@@ -260,7 +260,7 @@ impl LightTransport {
         self.journaled_image("white", |engine| engine.photograph(&white))
     }
 
-    /// A photo with the ambient light. A photo of a rig excludes it, unless the rig's file says otherwise.
+    /// A photo, including the ambient light. For a rig, the ambient light is included only if the rig's file says so.
     pub(super) fn photograph(&mut self, pattern: &Image) -> Result<Image> {
         self.or_by_model(|transport| transport.photograph_taken(pattern))
     }
@@ -271,7 +271,7 @@ impl LightTransport {
         self.image_taken(&name, |engine| engine.photograph(pattern))
     }
 
-    /// As [`Self::photograph`], with the standard error of each sample if it is known.
+    /// A photo as [`Self::photograph`], with the standard error of each sample if these errors are known.
     pub(super) fn photograph_with_error(&mut self, pattern: &Image) -> Result<(Image, Option<Image>)> {
         self.or_by_model(|transport| transport.photograph_with_error_taken(pattern))
     }
@@ -295,7 +295,7 @@ impl LightTransport {
         }
     }
 
-    /// Photos of red, green and blue alone, in each of the camera's channels, without ambient light.
+    /// Photos of red, green and blue patterns, each in all channels of the camera, without ambient light.
     pub(super) fn primaries(&mut self) -> Result<[[Vec<f64>; 3]; 3]> {
         if let Engine::Measured(rig) = &mut self.engine {
             return rig.measurement.primaries()?.ok_or_else(|| {
@@ -320,7 +320,7 @@ impl LightTransport {
         Ok(photos)
     }
 
-    /// The image with this name, from the journal, or else taken and kept there.
+    /// The image with this name. It is read from the journal, or else taken and stored in the journal.
     fn journaled_image(&mut self, name: &str, take: impl Fn(&mut Engine) -> Result<Image>) -> Result<Image> {
         self.or_by_model(|transport| transport.image_taken(name, &take))
     }
@@ -346,7 +346,7 @@ impl LightTransport {
     }
 }
 
-/// The direct light of each channel, if it is a diagonal.
+/// The direct light of each channel, if its matrix is diagonal.
 pub(super) fn direct_diagonal(traced: &Assembled) -> Option<Vec<Vec<f64>>> {
     let matrix = &traced.matrix;
     if matrix.bounces().any(|bounces| bounces == Bounces::One) {

@@ -1,4 +1,4 @@
-//! Questions to a laboratory and their answers.
+//! Requests to a laboratory, and their answers.
 
 use std::path::{Path, PathBuf};
 
@@ -13,12 +13,12 @@ use crate::io::manifest::Verification;
 use crate::report::content::Content;
 use crate::report::run::{AnswerPage, Files, PAINT};
 
-/// An array that a program gives for a field of a request, in place of a file.
+/// An array that a program passes for a field of a request, in place of a file.
 #[derive(Clone, Debug)]
 pub struct GivenArray {
     /// The name of the field.
     pub field: String,
-    /// The name of the array, for a field that takes several.
+    /// The name of the array, for a field that takes several arrays.
     pub name: String,
     /// The shape.
     pub shape: Vec<usize>,
@@ -43,21 +43,21 @@ impl GivenArray {
     }
 }
 
-/// A question to a laboratory: a struct whose documented fields are command line options, Python keywords, and the record in `run.json`.
+/// A request to a laboratory: a struct whose documented fields are command line options, Python keywords, and the record in `run.json`.
 pub trait Verb: Serialize {
-    /// The name, which is part of the folder's default name.
+    /// The name of the verb, which is part of the default name of the run's folder.
     const NAME: &'static str;
 
-    /// Whether an answer can be compared with light that it was not computed from.
+    /// Whether the answer can be verified with light that is independent of it.
     const IS_CHECKED: bool = true;
 
-    /// Why a run keeps no photos that it could go on with, if it keeps none.
+    /// The reason why a run of this verb cannot be resumed, if its photos are not kept.
     const NOT_RESUMED: Option<&'static str> = None;
 
     /// The type of the answer.
     type Answer: Answer;
 
-    /// Whether the bounces of a scene's light must be kept apart.
+    /// Whether the light of a scene must be split by the number of bounces.
     fn splits_bounces(&self) -> bool {
         false
     }
@@ -75,26 +75,26 @@ pub trait Verb: Serialize {
         Ok(())
     }
 
-    /// Takes an array for a field. Fails with [`Error::Option`] if no field of this name takes one.
+    /// Takes an array for a field. Fails with [`Error::Option`] if the request has no field of this name that takes an array.
     fn give(&mut self, given: GivenArray) -> Result<()> {
         Err(given.refused("it takes no array", "give a value"))
     }
 
-    /// The channels of a source that is opened for the request. Fails if they depend on a model that cannot be read.
+    /// The channels with which a source is opened for this request. Fails if the channels depend on a model that cannot be read.
     fn channels(&self, _source: &Path) -> Result<ChannelChoice> {
         Ok(ChannelChoice::Luma)
     }
 
-    /// Takes the photos and answers. The request must have been checked. Fails if a photo or the method fails.
+    /// Takes the photos and computes the answer. The request must have been checked. Fails if a photo or the method fails.
     fn answer(&self, lab: &mut Lab) -> Result<Self::Answer>;
 }
 
-/// An answer: named arrays and facts, which become files, summary and attributes, and a page.
+/// An answer to a request. Its named arrays and facts become files, a summary, Python attributes, and a page.
 pub trait Answer {
-    /// The verb that asks for this answer, which is part of the folder's default name; and the title of the page without the source.
+    /// The name of the verb, which is part of the default name of the run's folder; and the title of the page without the source's name.
     fn names(&self) -> [&'static str; 2];
 
-    /// The number of photos that it took, for the run's record.
+    /// The number of photos behind the answer, for the run's record.
     fn photos(&self) -> usize;
 
     /// One sentence about the result, for the run's record.
@@ -105,12 +105,12 @@ pub trait Answer {
         Content::default()
     }
 
-    /// Findings about the answer: whether it is good enough, and what could not be measured.
+    /// Findings about the answer. They state whether it is good enough, and which quantities could not be measured.
     fn findings(&self) -> Vec<Finding> {
         Vec::new()
     }
 
-    /// Compares the photos that the answer predicts with light that it was not computed from, and keeps the results. Returns `None` if
+    /// Compares the photos that the answer predicts with light that is independent of the answer, and keeps the results. Returns `None` if
     /// there is no such light, or if the answer predicts no photos. Fails if a photo fails.
     fn verify(&mut self, _lab: &mut Lab) -> Result<Option<Verified>> {
         Ok(None)
@@ -121,21 +121,21 @@ pub trait Answer {
         true
     }
 
-    /// Writes pictures, adds sections to the page, and replaces its title, sentence or facts. The arrays of [`Answer::content`] are written
-    /// before. Fails if a file cannot be written, or with the errors of the photos that the page shows.
+    /// Writes pictures, adds sections to the page, and replaces its title, sentence or facts. The arrays of [`Answer::content`] are already
+    /// written. Fails if a file cannot be written, or with the errors of the photos that the page shows.
     fn show(&self, lab: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()>;
 }
 
-/// A verification of an answer by light that it was not computed from.
+/// A verification of an answer by light that is independent of the answer.
 #[derive(Clone, Debug)]
 pub struct Verified {
     /// The accuracy of the predicted photos.
     pub verification: Verification,
-    /// Estimates of the scene's eigenvalues, for eigenpairs and segmentations. A segmentation omits the first one, which is known.
+    /// Estimates of the scene's eigenvalues, for eigenpairs and segmentations (without the first eigenvalue, which is known).
     pub estimates: Vec<EigenpairEstimate>,
     /// The distance of a compensation from its target.
     pub residual: Option<f64>,
-    /// The photo of a compensation, and the standard error of each of its samples.
+    /// The photo of a compensation's pattern, and the standard error of each of its samples.
     pub photo: Option<[Image; 2]>,
 }
 
@@ -150,9 +150,9 @@ impl From<Verification> for Verified {
 pub struct Saved {
     /// The folder.
     pub folder: PathBuf,
-    /// `report.html` in it.
+    /// The file `report.html` in the folder.
     pub report: PathBuf,
-    /// The sentence of the run's record.
+    /// The sentence about the result in the run's record.
     pub message: String,
     /// All findings about the answer and the rig.
     pub findings: Vec<Finding>,
@@ -161,7 +161,7 @@ pub struct Saved {
 }
 
 impl Lab {
-    /// Asks a question. The record of the open run keeps it. Fails as [`Verb::check`], [`Verb::check_on`] and [`Verb::answer`].
+    /// Answers a request, and records it in the open run. Fails as [`Verb::check`], [`Verb::check_on`] and [`Verb::answer`].
     pub fn ask<V: Verb>(&mut self, request: &V) -> Result<V::Answer> {
         request.check()?;
         request.check_on(self)?;

@@ -1,4 +1,4 @@
-//! The canvas: a source with a matrix that patterns are painted on.
+//! The canvas: a source with a light transport matrix, for patterns that a user paints.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,18 +16,18 @@ use crate::transport::Part;
 pub enum Light {
     /// All light, including the ambient light.
     All,
-    /// One bounce.
+    /// Light after one bounce.
     Direct,
-    /// Two and more bounces.
+    /// Light after two or more bounces.
     Global,
-    /// Two bounces.
+    /// Light after two bounces.
     Second,
-    /// Three and more bounces.
+    /// Light after three or more bounces.
     Later,
 }
 
 impl Light {
-    /// The part of the matrix for this light; `None` for a light that is only a single layer.
+    /// The part of the matrix for this light; `None` if the light is available only as a single layer.
     pub(super) fn part(self) -> Option<Part> {
         match self {
             Self::All => Some(Part::Full),
@@ -46,17 +46,17 @@ impl Light {
     }
 }
 
-/// A source that is painted on: an open laboratory, with the columns of its matrix if the matrix is in memory.
+/// An open laboratory with its operators. If the matrix is in memory, the canvas also has its columns.
 pub struct Canvas<'a> {
     lab: &'a mut Lab,
     /// The sizes of patterns and of photos.
     sizes: [Resolution; 2],
-    /// The layers of the matrix, whose sum is all light. There are none if the matrix is not in memory.
+    /// The layers of the matrix. Their sum is all light. The list is empty if the matrix is not in memory.
     layers: Vec<(Light, Columns)>,
     lights: Vec<Light>,
     ambient: Planes,
     operators: Vec<(Part, Vec<LabOperator>)>,
-    /// The photo of white in all light, once it has been taken.
+    /// The photo of a white pattern in all light, once it has been taken.
     white: Option<Planes>,
 }
 
@@ -100,12 +100,12 @@ impl<'a> Canvas<'a> {
         self.lab.channels().count()
     }
 
-    /// The lights that can be shown. The first is all light.
+    /// The lights that can be shown. The first light is [`Light::All`].
     pub fn lights(&self) -> &[Light] {
         &self.lights
     }
 
-    /// Whether patterns may be negative. This is so for a matrix, since no projector has to show them.
+    /// Whether patterns may be negative. They may for a matrix, since no projector has to show them.
     pub fn is_signed(&self) -> bool {
         self.lab.kind() == SourceKind::Matrix
     }
@@ -115,22 +115,22 @@ impl<'a> Canvas<'a> {
         self.lab.kind() == SourceKind::Rig
     }
 
-    /// The layers of the matrix in memory, whose sum is all light without the ambient light. There are none without such a matrix.
+    /// The layers of the matrix in memory. Their sum is all light except the ambient light. The list is empty without such a matrix.
     pub(super) fn layers(&self) -> &[(Light, Columns)] {
         &self.layers
     }
 
-    /// The layers whose sum is this light without the ambient light.
+    /// The layers whose sum is this light, except the ambient light.
     fn layers_of(&self, light: Light) -> impl Iterator<Item = &Columns> {
         self.layers.iter().filter(move |(layer, _)| light.holds(*layer)).map(|(_, columns)| columns)
     }
 
-    /// The light without the projector. It is a part of all light only.
+    /// The ambient light, which is present without the projector. Only [`Light::All`] includes it.
     pub(super) fn ambient_of(&self, light: Light) -> Option<&Planes> {
         (light == Light::All).then_some(&self.ambient)
     }
 
-    /// The photo of a pattern, one plane for each channel. It is the photo that [`Lab::photo`] takes, before rounding.
+    /// The photo of a pattern, one plane for each channel. It equals the photo of [`Lab::photo`] before that photo is rounded.
     ///
     /// # Errors
     /// [`Error::Dimension`] when the pattern does not have the projector's pixels or channels; the errors of [`Lab::operator`].
@@ -165,7 +165,7 @@ impl<'a> Canvas<'a> {
         })
     }
 
-    /// The photo of a white pattern in all light. It is taken once.
+    /// The photo of a white pattern in all light. It is taken only once.
     pub(super) fn white(&mut self) -> Result<&Planes> {
         let white = match self.white.take() {
             Some(white) => white,
@@ -185,13 +185,13 @@ impl<'a> Canvas<'a> {
         !self.layers.is_empty()
     }
 
-    /// The number of changed pixels that take about as long as a whole product.
+    /// The number of changed pixels whose update takes about as long as a full product.
     pub fn pixels_of_a_product(&self) -> usize {
-        // A whole product is parallel, and reads its entries in order.
+        // A single pixel takes more time than its share of a full product, which is parallel and reads its entries in order.
         if self.layers.is_empty() { 0 } else { self.projector().pixels() / 4 }
     }
 
-    /// The light of one projector pixel at full brightness, without the ambient light: a column of the matrix.
+    /// The light of one projector pixel at full brightness, without the ambient light. It is a column of the matrix.
     pub fn column(&mut self, light: Light, pixel: usize) -> Result<Planes> {
         let mut photo = vec![vec![0.0; self.camera().pixels()]; self.channels()];
         if self.add_pixel(light, pixel, &vec![1.0; self.channels()], &mut photo) {
@@ -206,8 +206,8 @@ impl<'a> Canvas<'a> {
         })
     }
 
-    /// The light from each projector pixel to one camera pixel: a row of the matrix, which is a dual photograph. `None` if photos in the
-    /// other direction are not possible.
+    /// The light from each projector pixel to one camera pixel: a row of the matrix, a dual photograph. `None` if the devices cannot be
+    /// exchanged.
     pub fn row(&mut self, light: Light, pixel: usize) -> Result<Option<Planes>> {
         let projector = self.projector().pixels();
         if !self.layers.is_empty() {
@@ -228,7 +228,7 @@ impl<'a> Canvas<'a> {
         self.operators(part)?.iter_mut().map(product).collect::<Result<_>>().map(Some)
     }
 
-    /// The operators of a part, one for each channel. Their products are not recorded, because a page takes many thousands.
+    /// The operators of a part, one for each channel. Their products are not recorded, because a page requests many thousands of them.
     pub(super) fn operators(&mut self, part: Part) -> Result<&mut Vec<LabOperator>> {
         let at = match self.operators.iter().position(|(of, _)| *of == part) {
             Some(at) => at,
@@ -250,7 +250,7 @@ fn layers(lab: &mut Lab) -> Result<Vec<(Light, Columns)>> {
     if !has_matrix {
         return Ok(Vec::new());
     }
-    // Turns `[channel][layer]` into `[layer][channel]`.
+    // The nested vectors `[channel][layer]` become `[layer][channel]`.
     let by_layer = |lights: &[Light], matrices: Vec<Vec<(&'static str, Csr)>>| {
         let mut channels: Vec<_> = matrices.into_iter().map(Vec::into_iter).collect();
         let layer = |&light: &Light| {
@@ -272,20 +272,20 @@ fn layers(lab: &mut Lab) -> Result<Vec<(Light, Columns)>> {
     Ok(found)
 }
 
-/// A matrix does not state the sizes of its pictures, so a square number of pixels is taken as a square.
+/// The resolution of a matrix file's pictures. The file does not state it, so a square number of pixels is taken as a square picture.
 fn as_picture(strip: Resolution) -> Resolution {
     let side = strip.pixels().isqrt();
     if side * side == strip.pixels() { Resolution::new(side, side) } else { strip }
 }
 
-/// A matrix by its columns, one matrix for each channel. Row `p` of each matrix has the light of projector pixel `p`.
+/// The columns of a matrix, for each channel. Row `p` of these matrices is the light of projector pixel `p`.
 #[derive(Clone, Debug)]
 pub struct Columns {
     by_channel: Vec<Csr>,
 }
 
 impl Columns {
-    /// The columns of these matrices, one for each channel. A symmetric matrix is not transposed, since its rows are its columns.
+    /// The columns of these matrices, one matrix for each channel. A symmetric matrix is not transposed, since its rows equal its columns.
     pub(super) fn new(matrices: Vec<Csr>) -> Self {
         let columns = |matrix: Csr| if matrix.is_symmetric() { matrix } else { matrix.transposed() };
         Self { by_channel: matrices.into_iter().map(columns).collect() }
@@ -311,7 +311,7 @@ impl Columns {
         lit.for_each(|(pixel, &value)| self.add(channel, pixel, value, photo));
     }
 
-    /// Adds the light from each projector pixel to one camera pixel, a row of the matrix, to `pattern`.
+    /// Adds a row of the matrix, the light from each projector pixel to one camera pixel, to `pattern`.
     fn add_row(&self, channel: usize, pixel: usize, pattern: &mut [f64]) {
         let matrix = &self.by_channel[channel];
         for (projector, found) in pattern.iter_mut().enumerate() {

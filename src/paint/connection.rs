@@ -1,4 +1,4 @@
-//! One connection of a browser: for the page, or for the page's socket.
+//! A browser's connection, either for the page or for the page's socket.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::Ordering;
@@ -25,19 +25,19 @@ use super::message::{self, Client, HEADER, MessageKind, PageRequest};
 use super::server::{Route, ServerState, Sizes, Slot};
 use super::session::{Event, Recipients, error_text};
 
-/// The time that a client has to send its request.
+/// The time limit for a client to send its request.
 const HEADER_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// The time that a client has to read a page, or to open its socket.
+/// The time limit for a client to read a page, or to open its socket.
 const PAGE_TIMEOUT: Duration = Duration::from_secs(60);
 
 const HEADER_BYTES: usize = 16 * 1024;
 
-/// Answers a client that too many connections are open.
+/// Tells a client that too many connections are open.
 pub async fn refuse(mut stream: TcpStream) {
     const BUSY: &[u8] =
         b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nRetry-After: 1\r\nConnection: close\r\n\r\n";
-    // It does not matter whether the client reads the answer.
+    // An error is ignored, since it does not matter whether the client reads this response.
     let _ = timeout(Duration::from_secs(1), stream.write_all(BUSY)).await;
 }
 
@@ -53,7 +53,7 @@ pub(super) async fn serve_connection(
         place.has_asked.set(true);
         let answer = respond(&request, &shared);
         if answer.status() == StatusCode::SWITCHING_PROTOCOLS {
-            // This cannot be full: each connection has one socket.
+            // The channel has room for this one message, since each connection has at most one socket.
             let _ = opened.try_send(hyper::upgrade::on(&mut request));
         }
         async move { Ok::<_, std::convert::Infallible>(answer) }
@@ -141,14 +141,14 @@ fn text(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
     headers.get(name)?.to_str().ok()
 }
 
-/// The time that a page has to read a message.
+/// The time limit for a page to read a message.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// The interval at which a page is asked whether it is still there, and the longest time that it may be silent.
+/// The interval between pings of a page. A page that is silent for this time is dropped.
 const PING: Duration = Duration::from_secs(20);
 const SILENCE: Duration = Duration::from_secs(60);
 
-/// Serves a page until it leaves. `Err` is the reason why the page was dropped.
+/// Serves a page until it disconnects. `Err` is the reason why the server dropped the page.
 pub async fn serve_socket(stream: TokioIo<Upgraded>, shared: &Arc<ServerState>) -> Result<(), String> {
     let most = most_bytes(shared.sizes);
     let limits = WebSocketConfig::default()
@@ -166,9 +166,9 @@ pub async fn serve_socket(stream: TokioIo<Upgraded>, shared: &Arc<ServerState>) 
     ended.map_err(|why| format!("dropped page {client}: {why}"))
 }
 
-/// The largest valid message of a page: a pattern, or a target with its weights as JSON.
+/// The size of the largest valid message of a page: a pattern, or a target with its weights as JSON.
 fn most_bytes(sizes: Sizes) -> usize {
-    // A number of a target in JSON takes at most 25 bytes.
+    // A number in JSON takes at most 25 bytes.
     HEADER + 4096 + 25 * (sizes.channels + 1) * sizes.pixels
 }
 
@@ -245,10 +245,10 @@ async fn write(socket: &mut WebSocketStream<TokioIo<Upgraded>>, message: Message
     }
 }
 
-/// The number of answers and texts that may wait for one page. The oldest are dropped.
+/// The maximum number of answers and texts that wait for one page. When there are more, the oldest is dropped.
 const MOST_WAITING: usize = 16;
 
-/// The kinds of messages of which only the newest counts, in the order in which a page gets them.
+/// Kinds of messages of which only the newest is kept. A page receives them in this order.
 const NEWEST: [MessageKind; 4] =
     [MessageKind::Pattern, MessageKind::Photo, MessageKind::Column, MessageKind::Row];
 
@@ -259,12 +259,12 @@ struct Outbox {
     arrived: Arc<Notify>,
 }
 
-/// The messages that wait for each page. Only the newest photo is kept, so a slow page gets fewer photos and needs no more memory.
+/// The messages that wait for each page. Only the newest photo is kept, so a slow page receives fewer photos and needs no more memory.
 #[derive(Debug, Default)]
 pub struct Outboxes(Mutex<BTreeMap<Client, Outbox>>);
 
 impl Outboxes {
-    /// Opens an outbox for a new page. The result is notified when a message has arrived.
+    /// Opens an outbox for a new page. The returned notifier signals each message that arrives.
     pub fn open(&self, client: Client) -> Arc<Notify> {
         let outbox = Outbox::default();
         let arrived = Arc::clone(&outbox.arrived);
@@ -276,7 +276,7 @@ impl Outboxes {
         self.lock().remove(&client);
     }
 
-    /// Puts an event into the outboxes of the pages that should get it.
+    /// Puts an event into the outboxes of its recipients.
     pub fn send(&self, Event { to, kind, message }: Event) {
         let slot = NEWEST.iter().position(|of| *of == kind);
         for (client, outbox) in self.lock().iter_mut() {
@@ -307,7 +307,7 @@ impl Outboxes {
     }
 
     fn lock(&self) -> MutexGuard<'_, BTreeMap<Client, Outbox>> {
-        // Every change is complete, so the data is valid even if a thread panicked.
+        // The data is valid even if a thread panicked, since every change is complete.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

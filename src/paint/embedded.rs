@@ -22,14 +22,14 @@ use crate::sparse::Csr;
 pub struct EmbedOptions {
     /// The storage format of the matrix's values.
     pub precision: Precision,
-    /// The largest size of the file in bytes, or `None` for any size. A matrix that takes more is thinned: some small entries are left out
-    /// at random, and others are made larger, so that every photo stays right on average.
+    /// The largest size of the file in bytes, or `None` for any size. A larger matrix is thinned: some small entries are left out at
+    /// random, and others are enlarged, so that every photo stays right on average.
     pub max_bytes: Option<usize>,
-    /// Known answers that the page shows without asking.
+    /// Known answers, which the page shows without a request.
     pub kept: Kept,
 }
 
-/// Answers that the file contains. Their planes have the camera's pixels.
+/// Answers that the file contains. Their planes have the resolution of the camera.
 #[derive(Clone, Debug, Default)]
 pub struct Kept {
     /// Labels, with one plane for each number of groups.
@@ -72,16 +72,16 @@ impl Kept {
 #[derive(Clone, Debug)]
 pub struct Embedded {
     html: String,
-    /// The largest relative difference that storing the matrix makes to the photos of white, of a checkerboard and of random patterns.
+    /// The largest relative error that storing the matrix causes in the photos of white, of a checkerboard and of random patterns.
     pub error: f64,
     /// The share of the matrix's entries that the page contains.
     pub kept: f64,
 }
 
-/// The compression level. A higher level takes several times as long, and saves a few per cent.
+/// The compression level. A higher level takes several times as long, and saves only a few per cent.
 const LEVEL: Compression = Compression::new(6);
 
-/// The least share of the entries that is tried if the whole matrix is too large, and the number of trials.
+/// The smallest share of the entries that is tried for a matrix that is too large, and the number of trials.
 const LEAST_SHARE: f64 = 0.02;
 const TRIALS: usize = 6;
 
@@ -106,7 +106,7 @@ impl Embedded {
             let layers = thinned(canvas.layers(), share);
             let html = parts.html(&layers)?;
             let bytes = html.len();
-            // The rest of the page does not shrink with the share. The factor leaves a small margin.
+            // The size of the page's other parts does not depend on the share. The factor 0.97 leaves a small margin.
             let fitting = share * 0.97 * most as f64 / bytes as f64;
             if bytes > most {
                 if share <= LEAST_SHARE {
@@ -155,7 +155,7 @@ fn too_large(bytes: usize, most: usize) -> Error {
     .help("use a smaller --size, or allow more")
 }
 
-/// The largest relative error that the stored precision of the matrix causes in four photos.
+/// The largest relative error of four photos due to the storage of the matrix.
 fn error(canvas: &mut Canvas<'_>, layers: &[(Light, Columns)], precision: Precision) -> Result<f64> {
     let (pixels, camera, width) =
         (canvas.projector().pixels(), canvas.camera().pixels(), canvas.projector().width);
@@ -194,7 +194,7 @@ fn multiply_rounded(columns: &Csr, precision: Precision, pattern: &[f64], photo:
     }
 }
 
-/// The parts of the page that do not depend on its layers.
+/// The parts of the page that do not depend on the layers of the matrix.
 struct Parts {
     info: Value,
     sections: Sections,
@@ -227,7 +227,7 @@ impl Parts {
     fn html(&self, layers: &[(Light, Columns)]) -> Result<String> {
         let (mut info, mut sections) = (self.info.clone(), self.sections.clone());
         let layer = |(light, columns): &(Light, Columns)| {
-            // Each row of these matrices is a column of the layer.
+            // Each row of `columns` is a column of the layer.
             let mut packed = packed(columns.channels(), self.precision, &mut sections);
             packed["light"] = json!(light);
             packed
@@ -248,7 +248,7 @@ fn floats(planes: &Planes) -> Vec<u8> {
     planes.iter().flatten().flat_map(|&value| (value as f32).to_le_bytes()).collect()
 }
 
-/// Elements that contain deflated bytes as text.
+/// Script elements that contain deflated bytes as text.
 #[derive(Clone, Default)]
 struct Sections {
     html: String,
@@ -277,7 +277,7 @@ pub enum Precision {
 }
 
 impl Precision {
-    /// The value that is read back for a stored one. Both are relative to the largest value.
+    /// The value that is read back after storage. Both values are relative to the largest value.
     pub(super) fn rounded(self, value: f64) -> f64 {
         match self {
             Self::Half => f16::from_f64(value).to_f64(),
@@ -293,16 +293,16 @@ impl Precision {
     }
 }
 
-/// The largest absolute value of a channel's entries. Stored values are relative to it.
+/// The largest absolute value of a channel's entries. Stored values are relative to this value.
 fn scale_of(columns: &Csr) -> f64 {
     let largest = columns.weights().iter().fold(0.0, |most: f64, value| most.max(value.abs()));
     if largest > 0.0 { f64::from(largest as f32) } else { 1.0 }
 }
 
-/// Packs the columns of all channels of a layer, which have the same positions. Positions are numbers of seven bits a byte: first the
-/// number of entries of each column, then the distance of each entry from the previous entry. The values are separate, as half or single
-/// floats relative to the largest. For a symmetric matrix, only the entries on and below the diagonal are packed. The result describes the
-/// layer and names its sections.
+/// Packs the columns of all channels of a layer, which have their entries at the same positions. Positions are stored as numbers with seven
+/// bits per byte: first the number of entries of each column, then the distance of each entry from the previous entry. The values are
+/// stored separately, as half or single floats relative to the largest. For a symmetric matrix, only the entries on and below the diagonal
+/// are packed. The result describes the layer and names its sections.
 fn packed(columns: &[Csr], precision: Precision, sections: &mut Sections) -> Value {
     let is_symmetric = columns.iter().all(Csr::is_symmetric);
     let first = &columns[0];
@@ -349,14 +349,15 @@ fn put_number(mut value: u32, bytes: &mut Vec<u8>) {
     bytes.push(value as u8);
 }
 
-/// Keeps about this share of the entries of all layers together. Entries above a threshold `τ` stay as they are. A smaller entry `a`
-/// becomes `±τ` with the probability `|a| / τ`, and is otherwise dropped. The mean of every entry is unchanged. Both halves of a symmetric
-/// matrix are thinned alike.
+/// Keeps about this share of the entries of all layers together. Entries above a threshold `τ` are unchanged. A smaller entry `a` becomes
+/// `±τ` with the probability `|a| / τ`, and is otherwise dropped. The expectation of every entry is unchanged. Both halves of a symmetric
+/// matrix are thinned in the same way.
 pub(super) fn thinned(layers: &[(Light, Columns)], share: f64) -> Vec<(Light, Columns)> {
     if share >= 1.0 {
         return layers.to_vec();
     }
-    // Channels share positions. The size of an entry is the largest over the channels, each relative to its channel's largest.
+    // All channels have entries at the same positions. The size of an entry is the largest over the channels, each scaled by its largest
+    // entry.
     let channels = layers.first().map_or(0, |(_, columns)| columns.channels().len());
     let largest = |channel: usize| {
         layers.iter().map(|(_, columns)| scale_of(&columns.channels()[channel])).fold(0.0, f64::max)
@@ -375,7 +376,7 @@ fn sizes(columns: &Columns, scales: &[f64]) -> Vec<f64> {
     sizes
 }
 
-/// A layer whose entries below the threshold are dropped or enlarged at random.
+/// The layer after the entries below the threshold are dropped or enlarged at random.
 fn without_small(columns: &Columns, scales: &[f64], threshold: f64) -> Columns {
     let sizes = sizes(columns, scales);
     let first = &columns.channels()[0];
@@ -398,16 +399,16 @@ fn without_small(columns: &Columns, scales: &[f64], threshold: f64) -> Columns {
         row_start.push(places_kept.len());
     }
     let thin = |values: Vec<f64>| Csr::new(first.cols(), row_start.clone(), places_kept.clone(), values).ok();
-    // The positions are a subset of a valid matrix's positions.
+    // The matrix is valid, since its positions are a subset of a valid matrix's positions.
     Columns::new(values_kept.into_iter().filter_map(thin).collect())
 }
 
-/// The threshold `τ` for which `Σ min(1, size / τ)` is this share of the number of entries. Larger entries count whole.
+/// The threshold `τ` for which `Σ min(1, size / τ)` is this share of the number of entries. An entry above the threshold counts as 1.
 fn threshold(mut sizes: Vec<f64>, share: f64) -> f64 {
     sizes.sort_by(f64::total_cmp);
     let wanted = share * sizes.len() as f64;
     let mut below = sizes.iter().sum::<f64>();
-    // The search starts at the largest entry. If `whole` entries count whole, `threshold` makes the others add up to the rest.
+    // The search starts at the largest entry. If `whole` entries count as 1, `threshold` is the value at which the sum is as required.
     for (whole, &size) in sizes.iter().rev().enumerate() {
         let threshold = below / (wanted - whole as f64).max(f64::MIN_POSITIVE);
         if size <= threshold {
@@ -418,7 +419,7 @@ fn threshold(mut sizes: Vec<f64>, share: f64) -> f64 {
     f64::MIN_POSITIVE
 }
 
-/// A random number from 0 to 1, the same for both halves of a symmetric matrix.
+/// A random number from 0 to 1 for an entry. It is the same for both halves of a symmetric matrix.
 fn chance(column: usize, place: usize) -> f64 {
     let (low, high) = (column.min(place) as u64, column.max(place) as u64);
     rand_pcg::Pcg64Mcg::seed_from_u64(high << 32 | low).random()
@@ -461,7 +462,7 @@ mod tests {
         let page = whole.bytes() - 100_000;
         let thin = Embedded::new(&mut canvas, &options(Some(page)))?;
         assert!(thin.bytes() <= page && thin.kept < 1.0);
-        // Direct light has the largest entries, so all of them are kept.
+        // The largest entries are those of direct light, so all of them are kept.
         assert!(thin.error > whole.error && thin.error < 0.05, "{}", thin.error);
         let refused = Embedded::new(&mut canvas, &options(Some(10_000)));
         assert!(refused.is_err_and(|error| error.to_string().contains("--max-size")));
@@ -479,7 +480,7 @@ mod tests {
         let thin = &thin[0].1.channels()[0];
         assert!(thin.is_symmetric());
         let share = thin.weights().len() as f64 / matrix.weights().len() as f64;
-        // There are 1,830 independent choices. Three standard deviations are 3.5 % of the share and about 5 % of the sum.
+        // The 1,830 choices are independent. Three standard deviations are 3.5 % of the share and about 5 % of the sum.
         assert!((share / 0.3 - 1.0).abs() < 0.15, "{share}");
         assert!((sum(thin) / sum(&matrix) - 1.0).abs() < 0.1);
         Ok(())

@@ -1,8 +1,8 @@
 //! The binary messages between page and server, and the mailbox of requests that wait for the session. All numbers are little-endian.
 //! Planes are 32-bit floats, one plane after the other.
 //!
-//! Each message begins with eight bytes: its kind, its flags, the index of its light among [`Canvas::lights`](super::Canvas::lights), and a
-//! number. Rare and small messages (greetings, questions, errors) are JSON text instead.
+//! Each message begins with eight bytes: its kind, its flags, the index of its light in [`Canvas::lights`](super::Canvas::lights), and a
+//! number. Rare and small messages (greetings, questions, errors) are JSON text.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -20,15 +20,15 @@ pub enum PageRequest {
     /// New values of single pixels of the pattern, one for each channel.
     Change(Vec<(u32, Vec<f32>)>),
     Replace(Planes),
-    /// A stroke has ended, so the exact photo of the pattern is wanted.
+    /// The end of a stroke, which requests the exact photo of the pattern.
     Finish,
     Light(usize),
-    /// What a message of this kind shows of this pixel: a column or a row.
+    /// A request for the column or the row of this pixel. The kind is [`MessageKind::Column`] or [`MessageKind::Row`].
     Look(MessageKind, u32),
     Ask(NumberedQuestion),
 }
 
-/// A question and its number. The page expects an answer with this number.
+/// A question with its number. The page expects an answer with the same number.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct NumberedQuestion {
     pub number: u32,
@@ -38,19 +38,20 @@ pub struct NumberedQuestion {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum MessageKind {
-    /// A photo. The number is that of the author's last request that the photo includes. The flag says that the photo is exact.
+    /// A photo. The number is that of the author's last request that the photo includes. The flag means that the photo is exact.
     Photo = 1,
-    /// The pattern of that photo, for the pages that did not paint it.
+    /// The pattern of the photo, for the pages that did not paint it.
     Pattern = 2,
-    /// The light of a projector pixel. The number is the pixel.
+    /// The light of a projector pixel. The number is the projector pixel.
     Column = 3,
     /// The projector pixels that light a camera pixel. The number is the camera pixel.
     Row = 4,
-    /// The answer to the question of this number: the length of a JSON text, the text, and planes.
+    /// The answer to a question with the same number: the length of a JSON text, the text, and planes.
     Answer = 5,
 }
 
-/// Reads a binary message. `channels` and `pixels` are the pattern's; the number is the page's own. `Err` is the message's fault.
+/// Reads a binary message. `channels` and `pixels` are those of the pattern. Also returns the number that the page gave the message. `Err`
+/// describes what is wrong with the message.
 pub fn read(bytes: &[u8], channels: usize, pixels: usize) -> Result<(u32, PageRequest), String> {
     let (Some(header), Some(content)) = (bytes.get(..HEADER), bytes.get(HEADER..)) else {
         return Err(format!("a message of {} bytes, shorter than its header", bytes.len()));
@@ -106,7 +107,7 @@ pub fn write(kind: MessageKind, is_exact: bool, light: usize, number: u32, plane
 
 pub fn write_answer(number: u32, text: &str, planes: &Planes) -> Vec<u8> {
     let mut bytes = header(MessageKind::Answer, true, 0, number);
-    // Floats begin at multiples of four bytes.
+    // The text is padded, so that the floats begin at a multiple of four bytes.
     let padded = text.len().next_multiple_of(4);
     bytes.extend((padded as u32).to_le_bytes());
     bytes.extend(text.as_bytes());
@@ -126,23 +127,23 @@ fn put(bytes: &mut Vec<u8>, planes: &Planes) {
     bytes.extend(planes.iter().flatten().flat_map(|&value| (value as f32).to_le_bytes()));
 }
 
-/// The number of questions of one page that may wait. A page asks one after the other.
+/// The maximum number of waiting questions per page. A page asks one question after the other.
 const MOST_QUESTIONS: usize = 4;
 
 pub type Client = u64;
 
 #[derive(Debug, Default)]
 pub struct Pending {
-    /// The page that changed the pattern last, with the number of its request.
+    /// The page that made the last change of the pattern, with the number of its request.
     pub author: Option<(Client, u32)>,
-    /// A whole new pattern. The changes apply after it.
+    /// A complete new pattern. The changes are applied after it.
     pub replace: Option<Planes>,
     pub changes: BTreeMap<u32, Vec<f32>>,
     pub is_finished: bool,
     pub light: Option<usize>,
-    /// The newest pixel that each page looks at, for columns and for rows.
+    /// The last pixel whose column or row each page requested.
     pub looks: BTreeMap<(Client, MessageKind), u32>,
-    /// Questions in the order of their arrival.
+    /// The questions in the order in which they arrived.
     pub questions: VecDeque<(Client, NumberedQuestion)>,
     /// New pages, which need the current pattern and photo.
     pub newcomers: Vec<Client>,
@@ -160,7 +161,7 @@ impl Pending {
     }
 }
 
-/// The waiting requests, and a signal for the session that waits for them.
+/// The waiting requests, and a signal to the session when a request arrives.
 #[derive(Debug, Default)]
 pub struct Mailbox {
     pending: Mutex<Pending>,
@@ -168,7 +169,7 @@ pub struct Mailbox {
 }
 
 impl Mailbox {
-    /// Adds a request. `Err` says that the page has too many open questions.
+    /// Adds a request. `Err` means that the page has too many open questions.
     pub fn put(&self, client: Client, number: u32, request: PageRequest) -> Result<(), String> {
         let mut pending = self.lock();
         match request {
@@ -204,7 +205,7 @@ impl Mailbox {
         self.arrived.notify_one();
     }
 
-    /// Removes the looks and questions of a page that has left.
+    /// Removes all requests of a page that has left.
     pub fn forget(&self, client: Client) {
         let mut pending = self.lock();
         pending.looks.retain(|(of, _), _| *of != client);
@@ -217,7 +218,7 @@ impl Mailbox {
         self.arrived.notify_one();
     }
 
-    /// Waits for requests and takes them. It takes at most one question at a time, so that strokes are handled in between.
+    /// Waits for requests, then removes and returns them, with at most one question, so that strokes are handled between questions.
     pub fn take(&self) -> Pending {
         let mut pending = self.lock();
         while pending.is_empty() {
@@ -231,7 +232,7 @@ impl Mailbox {
     }
 
     fn lock(&self) -> MutexGuard<'_, Pending> {
-        // Every change is complete, so the data is valid even if a thread panicked.
+        // The data is valid even if a thread panicked, since every change is complete.
         self.pending.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

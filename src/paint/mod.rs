@@ -1,8 +1,8 @@
-//! Painting with light: the user paints patterns in a browser and sees the photo while the pen moves.
+//! Painting with light: the user paints a pattern in a browser and sees its photo while the pen moves.
 //!
-//! A [`Canvas`] turns patterns into photos. If the light transport matrix is in memory, a stroke costs only the columns of the pixels that
-//! it changes. A [`Session`] holds the pattern on the projector and answers the newest requests of all browsers. The [server](serve())
-//! passes messages between them. [`page`] makes the page: either a page that asks the server, or one file that contains the matrix.
+//! A [`Canvas`] computes photos of patterns. If the light transport matrix is in memory, a stroke costs only the columns of the pixels that
+//! it changes. A [`Session`] stores the pattern on the projector, and answers the newest requests of all browsers. The [server](serve())
+//! passes messages between session and browsers. [`page`] makes the page: either a page that needs the server, or one file with the matrix.
 
 mod canvas;
 mod connection;

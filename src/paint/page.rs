@@ -1,4 +1,4 @@
-//! The page as HTML: a page that asks the server, or one file that contains the matrix.
+//! The page as HTML: either a page that sends requests to the server, or one file that contains the matrix.
 
 use askama::Template;
 use hyper::body::Bytes;
@@ -14,7 +14,7 @@ use crate::report::web::{COLOR, FORMAT, Module, NUMPY, PICTURE, VALUES, VIEW, bu
 
 pub use super::embedded::{EmbedOptions, Embedded, Kept, Precision};
 
-/// The modules of the page. Each stands after the modules that it imports.
+/// The script modules of the page. Each module is listed after the modules that it imports.
 const MODULES: [Module; 18] = [
     FORMAT,
     COLOR,
@@ -36,7 +36,7 @@ const MODULES: [Module; 18] = [
     ("page.js", include_str!("web/page.js")),
 ];
 
-/// The modules of the worker of a page without server.
+/// The script modules of the worker in a page without a server.
 pub(super) const WORKER: [Module; 4] = [
     VALUES,
     ("matrix.js", include_str!("web/matrix.js")),
@@ -56,16 +56,16 @@ pub(super) fn served(canvas: &mut Canvas<'_>, nonce: &str) -> Result<Bytes> {
 struct Page<'a> {
     title: &'a str,
     about: &'a str,
-    /// The attribute that lets the page's own scripts and styles run; empty without such a restriction.
+    /// The attribute that permits the page's own scripts and styles; empty if scripts are not restricted.
     nonce: String,
     style: &'static str,
     info: String,
-    /// Elements with the matrix, and the worker.
+    /// The elements with the matrix and the worker.
     data: &'a str,
     script: String,
 }
 
-/// The page as HTML. `info` describes the source for the scripts; `data` has the elements with the matrix.
+/// The page as HTML. `info` describes the source for the scripts. `data` has the elements with the matrix.
 pub(super) fn page(info: &Value, about: &str, nonce: Option<&str>, data: &str) -> Result<String> {
     let page = Page {
         title: info["name"].as_str().unwrap_or_default(),

@@ -1,4 +1,4 @@
-//! The questions that the page can ask: groups, eigenvectors, and patterns for a wanted photo.
+//! The questions that the page can ask: groups, eigenvectors, and the pattern for a wanted photo.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +12,7 @@ use crate::operator::{Adjoint, Operator, Symmetry, delegate};
 use crate::transport::Part;
 use crate::verbs::{Segment, Segmented};
 
-/// The largest number of eigenvectors or groups that a page may ask for.
+/// The largest number of eigenvectors or groups that a page may request.
 const MOST: usize = 32;
 
 /// A question.
@@ -26,12 +26,12 @@ pub enum PageQuestion {
         /// The number of eigenvectors, from 1 to 32.
         count: usize,
     },
-    /// Groups of pixels that exchange light, for each of these numbers of groups. Without a number, the light determines it.
+    /// Groups of pixels that exchange light, for each of these numbers of groups. If no number is given, the light determines it.
     Groups {
         /// Numbers from 2 to 32.
         groups: Vec<usize>,
     },
-    /// The pattern whose photo is nearest to a target, weighted by pixel.
+    /// The pattern whose photo is nearest to a target. Each camera pixel has a weight.
     Pattern {
         /// The wanted photo, `channels × pixels`, in the unit of photos.
         target: Vec<Vec<f32>>,
@@ -111,7 +111,7 @@ impl Canvas<'_> {
         if self.channels() > 1 { "; of red light" } else { "" }
     }
 
-    /// Computes the pattern by FISTA. If all pixels have the same weight, it uses krylov-box, which needs fewer photos.
+    /// The pattern for a target, computed by FISTA. If all pixels have the same weight, krylov-box is used, since it needs fewer photos.
     fn pattern_for(&mut self, target: &[Vec<f32>], weights: &[f32]) -> Result<PageAnswer> {
         let pixels = self.camera().pixels();
         if self.projector().pixels() != pixels {
@@ -139,7 +139,7 @@ impl Canvas<'_> {
             let wanted = target[channel].iter().zip(&ambient[channel]).zip(&weights);
             let b: Vec<f64> =
                 wanted.map(|((&target, ambient), weight)| weight * (f64::from(target) - ambient)).collect();
-            // With weights, the start is dark, so that light that no pixel asks for stays off.
+            // With weights, the start is a black pattern. Light that affects no weighted pixel then stays off.
             let x0 = (!is_even).then(|| vec![0.0; pixels]);
             let options =
                 SolveOptions { products, rtol: 1e-3, diagonal: Some(white), x0, ..SolveOptions::default() };
@@ -157,7 +157,7 @@ fn refused<T>(what: &str, help: &str) -> Result<T> {
     Err(Error::option("question", format!("{what} cannot be answered")).help(help))
 }
 
-/// `W A`: the operator with each camera pixel multiplied by its weight.
+/// The operator `W A`: each camera pixel of `A` is multiplied by its weight.
 struct Weighted<'a, O> {
     operator: &'a mut O,
     weights: &'a [f64],

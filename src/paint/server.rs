@@ -1,4 +1,4 @@
-//! The server of the page on the loopback interface: one page and one socket, behind an address that cannot be guessed.
+//! The server of the page on the loopback interface. It provides one page and one socket, at an address that cannot be guessed.
 
 use std::cell::Cell;
 use std::collections::VecDeque;
@@ -20,10 +20,10 @@ use super::page::served;
 use super::session::{Event, Session};
 use crate::error::{Error, Result};
 
-/// The number of connections at a time. A browser needs one or two for each page.
+/// The maximum number of open connections. A browser needs one or two for each page.
 const MOST_CONNECTIONS: usize = 32;
 
-/// The interval at which the server checks whether to end.
+/// The interval at which the server checks whether it must end.
 const TICK: Duration = Duration::from_millis(100);
 
 /// Options of a server.
@@ -31,14 +31,14 @@ const TICK: Duration = Duration::from_millis(100);
 pub struct ServeOptions {
     /// The interface and the port. Port 0 means any free port.
     pub listen: SocketAddr,
-    /// The server ends after this time without a message from a page.
+    /// The server ends if no page sends a message for this time.
     pub idle: Option<Duration>,
 }
 
 /// The reason why a server ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// The caller's `go_on` stopped it.
+    /// The caller's `go_on` stopped the server.
     Stopped,
     /// No page was used for the time [`ServeOptions::idle`].
     Idle,
@@ -51,16 +51,16 @@ pub(super) struct ServerState {
     pub(super) page: Bytes,
     pub(super) sizes: Sizes,
     pub(super) clients: AtomicU64,
-    /// Milliseconds from the start to the last message of a page.
+    /// The time of the last message from a page, in milliseconds since the start.
     last_used: AtomicU64,
     pub(super) start: Instant,
 }
 
-/// One of the places for connections, of which there are `MOST_CONNECTIONS`.
+/// One of the `MOST_CONNECTIONS` slots for connections.
 #[derive(Default)]
 pub(super) struct Slot {
     pub(super) has_asked: Cell<bool>,
-    /// Notified when another connection takes the place.
+    /// Notified when another connection takes over the slot.
     end: Notify,
 }
 
@@ -80,8 +80,8 @@ impl ServerState {
     }
 }
 
-/// Serves the page until `go_on` breaks. It calls `ready` with the page's address once the page can be opened. The server survives any
-/// message of a client, and reports what it refuses to `note`.
+/// Serves the page until `go_on` breaks. When the page can be opened, `ready` is called with its address. The server survives any message
+/// of a client, and reports to `note` which messages it refuses.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--listen` when the server cannot listen on the address.
@@ -152,7 +152,7 @@ async fn accept(
                         let Ok((stream, _)) = accepted else { continue };
                         places.retain(|place| Rc::strong_count(place) > 1);
                         if places.len() >= MOST_CONNECTIONS {
-                            // The oldest connection without a request gives up its place.
+                            // A new connection takes over the slot of the oldest connection that has sent no request.
                             let Some(silent) = places.iter().position(|place| !place.has_asked.get()) else {
                                 note(&format!("refused a connection: {MOST_CONNECTIONS} are open already"));
                                 tokio::task::spawn_local(connection::refuse(stream));
@@ -189,7 +189,7 @@ async fn accept(
 /// The length of a token in bytes. It is long enough that the token cannot be guessed.
 const TOKEN_BYTES: usize = 16;
 
-/// The address of the page with its secret.
+/// The secret address of the page.
 #[derive(Clone, Debug)]
 pub struct Guard {
     address: SocketAddr,
@@ -226,7 +226,7 @@ impl Guard {
     /// The route of a path; `None` for a wrong token.
     pub fn route(&self, path: &str) -> Option<Route> {
         let (token, rest) = path.strip_prefix('/')?.split_once('/')?;
-        // All bytes are compared, so the time of the comparison reveals nothing about the token.
+        // The comparison always includes all bytes, so its time reveals nothing about the token.
         let differs = token.bytes().zip(self.token.bytes()).fold(0, |all, (a, b)| all | (a ^ b));
         if token.len() != self.token.len() || differs != 0 {
             return None;
@@ -238,8 +238,8 @@ impl Guard {
         }
     }
 
-    /// Whether a request names this machine or the listening address as its host. A foreign page may have redirected its name to this
-    /// machine.
+    /// Whether a request names this machine or the listening address as its host. Otherwise, a foreign page may have redirected its host
+    /// here.
     pub fn knows_host(&self, host: &str) -> bool {
         let name =
             host.rsplit_once(':').map_or(host, |(name, port)| if port.ends_with(']') { host } else { name });
@@ -250,7 +250,7 @@ impl Guard {
         is_here || name.eq_ignore_ascii_case("localhost")
     }
 
-    /// Whether a page of this server opened the socket: the origin equals the requested host.
+    /// Whether a page of this server opened the socket. In this case, the origin equals the requested host.
     pub fn knows_origin(&self, origin: Option<&str>, host: &str) -> bool {
         origin
             .and_then(|origin| origin.strip_prefix("http://"))

@@ -1,4 +1,4 @@
-//! The pattern on the projector and its photo, which all pages of a server share.
+//! The projected pattern and its photo, which all pages of a server have in common.
 
 use tokio_tungstenite::tungstenite::Message;
 
@@ -14,21 +14,21 @@ pub struct Session<'a> {
     light: usize,
     pattern: Planes,
     photo: Planes,
-    /// Whether the photo is a whole product. Otherwise it contains sums of strokes.
+    /// Whether the photo is a full product. Otherwise it is a sum of the updates by strokes.
     is_exact: bool,
-    /// The number of whole photos so far.
+    /// The number of full photos so far.
     photos: usize,
 }
 
-/// The pages that get an event.
+/// The pages that receive an event.
 #[derive(Clone, Copy, Debug)]
 pub enum Recipients {
-    /// All pages, except the author's if one is given.
+    /// All pages, except the page of the author, if there is one.
     AllBut(Option<Client>),
     Only(Client),
 }
 
-/// A message to pages. An error is a text of the kind of answers.
+/// A message to pages. An error is a text message of kind [`MessageKind::Answer`].
 #[derive(Clone, Debug)]
 pub struct Event {
     pub to: Recipients,
@@ -48,19 +48,19 @@ impl Event {
 }
 
 impl<'a> Session<'a> {
-    /// A session with a dark pattern. Its photo is taken at once.
+    /// A session with a black pattern, whose photo is taken at once.
     pub fn new(mut canvas: Canvas<'a>) -> Result<Self> {
         let pattern = vec![vec![0.0; canvas.projector().pixels()]; canvas.channels()];
         let photo = canvas.photo(Light::All, &pattern)?;
         Ok(Self { canvas, light: 0, pattern, photo, is_exact: true, photos: 1 })
     }
 
-    /// The source that is painted on.
+    /// The canvas with the source.
     pub fn canvas(&mut self) -> &mut Canvas<'a> {
         &mut self.canvas
     }
 
-    /// The number of whole photos. Updates by strokes do not count.
+    /// The number of full photos. Updates by strokes do not count.
     pub fn photos(&self) -> usize {
         self.photos
     }
@@ -70,8 +70,8 @@ impl<'a> Session<'a> {
         (&self.pattern, &self.photo)
     }
 
-    /// Changes single pixels of the pattern. If they are few and their columns are in memory, these update the photo. Otherwise it is
-    /// retaken.
+    /// Changes single pixels of the pattern. If there are few changes, and the columns of the matrix are in memory, the photo is updated by
+    /// these columns. Otherwise a new photo is taken.
     pub fn change(&mut self, changes: impl IntoIterator<Item = (u32, Vec<f32>)>) -> Result<()> {
         let changes: Vec<(u32, Vec<f32>)> = changes.into_iter().collect();
         let (light, few) = (self.light(), self.canvas.pixels_of_a_product());
@@ -90,7 +90,7 @@ impl<'a> Session<'a> {
         if is_incremental { Ok(()) } else { self.finish() }
     }
 
-    /// Takes the whole photo of the pattern, unless the photo is already exact.
+    /// Takes a full photo of the pattern, unless the photo is already exact.
     pub fn finish(&mut self) -> Result<()> {
         if !self.is_exact {
             self.photo = self.canvas.photo(self.light(), &self.pattern)?;
@@ -107,7 +107,7 @@ impl<'a> Session<'a> {
         self.finish()
     }
 
-    /// Shows the light of this index. An index beyond the last is ignored.
+    /// Shows the light with this index. An index beyond the last light is ignored.
     pub fn choose(&mut self, light: usize) -> Result<()> {
         if light < self.canvas.lights().len() && light != self.light {
             self.light = light;
@@ -120,7 +120,7 @@ impl<'a> Session<'a> {
         self.canvas.lights()[self.light]
     }
 
-    /// Handles the waiting requests; `send` passes the results to the pages. A failure is reported to the page that asked.
+    /// Handles the waiting requests. `send` passes the results to the pages. A failure is reported to the page that sent the request.
     pub(super) fn work(&mut self, pending: Pending, send: &mut dyn FnMut(Event)) {
         let author = pending.author;
         let is_new = author.is_some() || pending.light.is_some();
@@ -166,7 +166,7 @@ impl<'a> Session<'a> {
         if pending.is_finished { self.finish() } else { Ok(()) }
     }
 
-    /// The answer to a look; `None` for a pixel that does not exist or cannot be asked for.
+    /// The column or row of a pixel. `None` if the pixel does not exist or the row cannot be photographed.
     fn look(&mut self, kind: MessageKind, pixel: u32) -> Result<Option<Vec<u8>>> {
         let light = self.light();
         let is_row = kind == MessageKind::Row;
@@ -188,7 +188,7 @@ impl<'a> Session<'a> {
     }
 }
 
-/// An error for the page, with the number of the question that it answers.
+/// The text of an error for the page, with the number of the failed question.
 pub(super) fn error_text(number: Option<u32>, message: &str) -> String {
     serde_json::json!({ "error": message, "number": number }).to_string()
 }
@@ -230,7 +230,7 @@ mod tests {
             session.finish()?;
             let (pattern, exact) = session.shown();
             let (pattern, exact) = (pattern.clone(), exact.clone());
-            // The tolerance allows for sums of sixty columns in another order.
+            // The two photos add up sixty columns in different orders, hence the tolerance.
             assert!(difference(&by_strokes, &exact) < 1e-12);
             let light = session.light();
             assert_eq!(session.canvas().photo(light, &pattern)?, exact);

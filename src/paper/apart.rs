@@ -1,15 +1,15 @@
-//! Camera and projector apart: the transpose is photographed with the two exchanged.
+//! Camera and projector apart. Photos with the two devices exchanged give the transpose.
 //!
-//! With the projector beside the camera, `A` is not symmetric, and no photo of that arrangement shows `Aᵀ`. By Helmholtz reciprocity, the
-//! exchanged arrangement photographs it: a projector where the camera was, and a camera where the projector was. Each step therefore takes
-//! two photos, one of either arrangement. Golub–Kahan bidiagonalization finds the singular vectors of `A` from them. `A Aᵀ` and `AᵀA` are
-//! symmetric, and their graphs group pixels: the first groups the camera's, the second the projector's. Two pixels are neighbours in these
-//! graphs if the same light reaches both.
+//! If the projector is beside the camera, `A` is not symmetric, and no photo of this arrangement shows `Aᵀ`. By Helmholtz reciprocity, the
+//! exchanged arrangement shows `Aᵀ`: the projector is where the camera was, and the camera is where the projector was. Each step therefore
+//! takes two photos, one with each arrangement. From these photos, Golub–Kahan bidiagonalization finds the singular vectors of `A`. The
+//! matrices `A Aᵀ` and `AᵀA` are symmetric. The graph of `A Aᵀ` groups the camera's pixels, and the graph of `AᵀA` the projector's. Two
+//! pixels are neighbours in these graphs if the same light reaches both.
 //!
-//! Direct light is kept. It is not on a diagonal here, so photos cannot separate it. It connects no regions.
+//! Direct light is kept, since photos cannot separate it: it is not on a diagonal here. It connects no regions.
 //!
-//! The virtual rig cannot exchange its devices by itself. A second rig therefore stands in front of the scene as traced with camera and
-//! projector exchanged, by other light paths. The deviation of the two traced scenes from transposes of each other is stated.
+//! The virtual rig cannot exchange its own devices. A second rig therefore uses the scene traced with camera and projector exchanged, by
+//! other light paths. The report states how far the two traced matrices are from transposes of each other.
 
 use super::bench::{APART, Bench, Set, Stage};
 use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced, Rig, counted};
@@ -34,7 +34,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let (stage, exchanged) = (bench.stage(Set::Apart, side)?, bench.stage(Set::Exchanged, side)?);
     let mut both = arrangements(bench, &stage, &exchanged)?;
-    // Each product of the graph is two photos.
+    // Each product with the matrix of the graph takes two photos.
     let of_photos = segment(&mut Gram::of_photos(&mut *both), &asked(PHOTOS / 2, &[2], stage.resolution))?;
     let of_patterns =
         segment(&mut Gram::of_patterns(&mut *both), &asked(PHOTOS / 2, &[2], exchanged.resolution))?;
@@ -81,7 +81,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// Photos of both arrangements: from a matrix and its transpose for an ideal rig, otherwise from two pairs of devices.
+/// Operators of both arrangements. An ideal rig uses a matrix and its transpose. Other rigs use two pairs of devices.
 fn arrangements(bench: &mut Bench, stage: &Stage, exchanged: &Stage) -> Result<Box<dyn Adjoint>> {
     Ok(match bench.rig() {
         Rig::Ideal => Box::new(bench.truth(stage, Part::Full)?),
@@ -103,7 +103,7 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
     let (stage, exchanged) = (bench.stage(Set::Apart, side)?, bench.stage(Set::Exchanged, side)?);
     let dense = singular_triplets(&bench.lab(&stage)?.matrix(Part::Full, 0)?, PHOTOS)?;
     let mut both = arrangements(bench, &stage, &exchanged)?;
-    // The rig's unit, which relates its values to the matrix's.
+    // The rig's counts for one unit of the matrix.
     let white = vec![1.0; stage.pixels()];
     let unit = product(&mut *both, &white)?.iter().sum::<f64>() / stage.white().iter().sum::<f64>();
     let options = SingularOptions {
@@ -117,7 +117,7 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
     let values: Vec<f64> = found.values.iter().map(|value| value / unit).collect();
     let off = |(found, dense): (&f64, &f64)| (found - dense).abs() / dense;
     let worst = values.iter().zip(&dense.values).map(off).fold(0.0, f64::max);
-    // The light of the best `COUNT` patterns that are orthogonal to each other, and the light of the patterns found.
+    // This compares the light of the best `COUNT` orthogonal patterns with the light of the patterns found.
     let mut light = bench.truth(&stage, Part::Full)?;
     let mut carried = 0.0;
     for pattern in &found.right {
@@ -150,7 +150,8 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
     Ok((Compared { found, checks, plot }, stage))
 }
 
-/// The reason why the first vectors may be turned: the error of the rig's photo of the dense vector, against the next singular value's gap.
+/// The reason why the first singular vectors may be rotated: the error of the rig's photo, compared with the gap to the next singular
+/// value.
 fn turned(both: &mut dyn Adjoint, dense: &DenseTriplets, unit: f64) -> Result<String> {
     let photo = product(both, &dense.right[0])?;
     let off: Vec<f64> =
@@ -163,7 +164,7 @@ fn turned(both: &mut dyn Adjoint, dense: &DenseTriplets, unit: f64) -> Result<St
     ))
 }
 
-/// `‖B x − Aᵀx‖ / ‖Aᵀx‖` for random signs `x`. `A` is the matrix of the scene, and `B` the matrix with the devices exchanged.
+/// The deviation `‖B x − Aᵀx‖ / ‖Aᵀx‖` for random signs `x`. `A` is the matrix of the scene, and `B` the matrix with the devices exchanged.
 fn traced_apart(bench: &mut Bench, stage: &Stage, exchanged: &Stage) -> Result<f64> {
     let signs = Start::default().vector(stage.pixels());
     let mut transposed = signs.clone();
@@ -172,7 +173,7 @@ fn traced_apart(bench: &mut Bench, stage: &Stage, exchanged: &Stage) -> Result<f
     Ok(norm(&minus(&transposed, &anew)) / norm(&transposed))
 }
 
-/// The true regions without the pixels whose left or right neighbour is in another region.
+/// The true regions, without pixels that have a left or right neighbour in another region.
 fn without_border(truth: &[u8], width: usize) -> Vec<u8> {
     let is_inside = |at: usize| {
         let (row, column) = (at / width * width, at % width);

@@ -1,4 +1,4 @@
-//! The figures' scenes, built in memory and traced once, and the ideal rig or the virtual devices that take their photos.
+//! The scenes of the figures, built in memory and traced once, and the ideal rig or the virtual devices that take the photos.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -21,32 +21,32 @@ use crate::transport::{Assembled, Backend, Part};
 pub struct BenchOptions {
     /// The rig that takes the photos.
     pub rig: Rig,
-    /// Uses a third of the pixels per side and a quarter of the light paths, as a fast functional test.
+    /// A fast functional test: a third of the pixels per side, and a quarter of the light paths.
     pub quick: bool,
     /// Selects the graphics adapter whose name contains this text.
     pub adapter: Option<String>,
-    /// Other processes that help to trace.
+    /// Other processes that help with tracing.
     pub team: Option<Arc<Team>>,
 }
 
-/// The scenes and the rig of the figures. Traced scenes are kept for later figures.
+/// The scenes and the rig of the figures. Traced scenes are kept in memory for later figures.
 pub struct Bench {
     options: BenchOptions,
     observer: SharedObserver,
     scenes: Vec<OpenScene>,
-    /// Operators of the rigs that took photos since the last call of [`Bench::frames`].
+    /// The operators of rigs whose frames the next call of [`Bench::frames`] counts.
     meters: Vec<LabOperator>,
 }
 
 struct OpenScene {
     stage: Arc<Stage>,
     lab: Lab,
-    /// The calibration of the virtual devices in front of it, from their first use.
+    /// The calibration of the virtual devices in front of the scene, once they have been used.
     calibration: Option<Calibration>,
 }
 
 impl Bench {
-    /// Creates a bench without tracing anything. `observer` sees the steps of each trace and may stop it.
+    /// Creates a bench. Nothing is traced yet. `observer` sees the steps of each trace and may stop it.
     pub fn new(options: BenchOptions, observer: Arc<dyn Observer + Send + Sync>) -> Self {
         Self { options, observer: SharedObserver(observer), scenes: Vec::new(), meters: Vec::new() }
     }
@@ -56,7 +56,7 @@ impl Bench {
         self.options.rig
     }
 
-    /// Pixels per side where the paper uses `side`.
+    /// The number of pixels per side for a figure in which the paper uses `side`.
     pub(super) fn side(&self, side: usize) -> usize {
         if self.options.quick { side / 3 } else { side }
     }
@@ -69,7 +69,7 @@ impl Bench {
         Ok(&mut self.open(stage.set, stage.resolution)?.lab)
     }
 
-    /// Products with the traced matrix. They evaluate answers, whichever rig took the photos.
+    /// Products with the traced matrix, to evaluate results. They do not depend on the rig that took the photos.
     pub(super) fn truth(&mut self, stage: &Stage, part: Part) -> Result<LabOperator> {
         Ok(self.lab(stage)?.reference_operators(part)?.swap_remove(0))
     }
@@ -93,15 +93,15 @@ impl Bench {
     pub(super) fn devices(&mut self, stage: &Stage) -> Result<Lab> {
         let known = match stage.set.is_coaxial() {
             true => None,
-            // The devices are the same in front of each scene. They are calibrated before the projector's lens is opened, or before it is
-            // moved. Stripes that are out of focus distinguish few pixels (for the corner and a lens of 70 mm, Gray codes lose 63 %). The
-            // symmetry of the light transport reveals the devices' uneven brightness.
+            // The devices are the same for each scene, so one calibration suffices. It is done before the projector's lens is opened, or
+            // before the projector is moved, because stripes that are out of focus distinguish few pixels (for the corner and a lens of 70
+            // mm, Gray codes lose 63 %). The symmetry of the light transport reveals the devices' uneven brightness.
             false => calibration_of(&self.open(Set::Corner, stage.resolution)?.through_devices(None)?),
         };
         self.open(stage.set, stage.resolution)?.through_devices(known)
     }
 
-    /// The frames that virtual cameras took for photos since the last call, including black, white and exposures but not calibrations.
+    /// The number of frames that virtual cameras took since the last call. It includes black, white and exposures, but not calibrations.
     pub(super) fn frames(&mut self) -> u64 {
         self.meters.drain(..).filter_map(|rig| rig.frames()).sum()
     }
@@ -128,7 +128,7 @@ impl OpenScene {
         options: &BenchOptions,
         observer: &SharedObserver,
     ) -> Result<Self> {
-        // One matrix and a fixed order of sums on the processor: the numbers depend neither on the memory nor on the multiplying device.
+        // One matrix and a fixed order of sums on the processor make the numbers independent of the memory and of the device.
         let settings = Settings {
             adapter: options.adapter.clone(),
             team: options.team.clone(),
@@ -146,14 +146,14 @@ impl OpenScene {
             .observer(observer.clone())
             .open()?;
         let truth = lab.labels()?;
-        // A scene whose products are replayed has a matrix.
+        // The assembled matrix exists, because products of this scene are replayed.
         let traced = lab.assembled()?.ok_or(Error::Interrupted)?;
         let stage = Arc::new(Stage { set, resolution, truth, traced });
         Ok(Self { stage, lab, calibration: None })
     }
 
-    /// The scene through virtual devices. Their calibration is `known`, or is measured from captures alone the first time. A sheet then
-    /// serves to measure their uneven brightness.
+    /// The scene seen by virtual devices. Their calibration is `known`, or else it is measured from captures alone. After this measurement,
+    /// a matte sheet shows their uneven brightness.
     fn through_devices(&mut self, known: Option<Calibration>) -> Result<Lab> {
         let mut rig = self.lab.through_rig(realistic(self.stage.resolution)?)?;
         match known.or(self.calibration.take()) {
@@ -178,7 +178,7 @@ pub(super) enum Set {
     Corner,
     /// The corner with a projector whose lens is wide open and focused behind the scene.
     Defocused,
-    /// The same with an equal camera lens, which makes the matrix symmetric again.
+    /// As `Defocused`, but the camera has an equal lens, which makes the matrix symmetric again.
     BothDefocused,
     TwoSheets,
     Post,
@@ -187,10 +187,10 @@ pub(super) enum Set {
     CartonEggs,
     /// The zigzag with the projector [`APART`] to the right of the camera.
     Apart,
-    /// The same with projector and camera exchanged.
+    /// As `Apart`, but projector and camera are exchanged.
     Exchanged,
-    /// The corner with the projector this number of tenths of a millimetre to the right of the camera. The projector is turned towards the
-    /// point of the corner that the camera looks at.
+    /// The corner, with the projector to the right of the camera. The distance is in tenths of a millimetre. The projector is turned
+    /// towards the point of the corner at which the camera looks.
     Beside(u32),
 }
 
@@ -200,7 +200,7 @@ pub(super) const APART: f32 = 0.1;
 /// The distance of the corner's edge from the camera, in metres. The projector of [`Set::Beside`] looks at this edge.
 pub(super) const EDGE: f32 = 1.2;
 
-/// Discs with a radius of 2.6 to 7.7 pixels blur walls at 0.6 to 1.2 m at 128 pixels per side.
+/// A lens that blurs walls at 0.6 to 1.2 m by discs with a radius of 2.6 to 7.7 pixels, at 128 pixels per side.
 const DEFOCUSED: Lens = Lens { radius: 0.035, focus: 2.4 };
 
 impl Set {
@@ -213,9 +213,9 @@ impl Set {
         !matches!(self, Self::Defocused | Self::Apart | Self::Exchanged | Self::Beside(1..))
     }
 
-    /// Light paths per pixel. With an open lens, direct light is also sampled. At 256 paths, the optimal pattern exploits the noise in the
-    /// fixed matrix; it gains five per cent that methods with few products cannot reach. Exchanged devices are traced a second time, with
-    /// other paths, and both must be the same scene.
+    /// The number of light paths per pixel. With an open lens, direct light is sampled, too. At 256 paths, the optimal pattern exploits the
+    /// noise in the fixed matrix, and gains five per cent that methods with few products cannot reach. The scene with exchanged devices is
+    /// traced separately, with other paths, and both traces must agree.
     fn samples(self) -> u32 {
         match self {
             Self::Defocused | Self::BothDefocused | Self::Apart | Self::Exchanged => 1024,
@@ -301,22 +301,22 @@ impl Stage {
 const REALISTIC: &[u8] = include_bytes!("../../assets/rigs/realistic.toml");
 const ONE_BIT: &[u8] = include_bytes!("../../assets/rigs/one-bit.toml");
 
-/// Captures averaged per pattern. There can be several, because the virtual rig runs unattended.
+/// The number of captures averaged per pattern. More than one is affordable, because the virtual rig runs unattended.
 const TAKES: u32 = 2;
 
-/// An 8-bit projector of this size with gamma 2.2 and a 14-bit camera, both with realistic errors.
+/// A rig of a projector of this size, with 8 bits and gamma 2.2, and a 14-bit camera. Both have realistic errors.
 pub(super) fn realistic(resolution: Resolution) -> Result<RigFile> {
     let (mut file, rig) = shipped("realistic.toml", REALISTIC, resolution, 2.5)?;
     file.measurement.takes = TAKES;
     Ok(RigFile { kind: RigKind::Virtual(rig), ..file })
 }
 
-/// A one-bit projector of this size and a camera of the same size: the rig file, and the devices to be put into it.
+/// A rig of a one-bit projector and a camera of the same size: the rig file, and the devices to insert into it.
 pub(super) fn one_bit(resolution: Resolution) -> Result<(RigFile, VirtualRig)> {
     shipped("one-bit.toml", ONE_BIT, resolution, 1.0)
 }
 
-/// A shipped rig file and its devices. The camera has `finer` times as many pixels per side as the projector.
+/// A shipped rig file and its devices. Per side, the camera has `finer` times as many pixels as the projector.
 fn shipped(name: &str, bytes: &[u8], resolution: Resolution, finer: f64) -> Result<(RigFile, VirtualRig)> {
     let file = RigFile::from_bytes(Path::new(name), bytes)?;
     let RigKind::Virtual(mut rig) = file.kind.clone() else {

@@ -1,8 +1,8 @@
-//! Compares photos that are projected back unchanged with patterns that are made orthogonal: their independence, and its cost.
+//! Compares photos that are projected back unchanged with orthogonal patterns: how independent each set is, and the effect on errors.
 //!
-//! `x, N x, N² x, …` turn towards the principal eigenvector. The condition number of the first `k` of them grows by a factor with each
-//! photo. An answer that uses their differences multiplies the photos' errors by that number. Patterns of the Lanczos process span the same
-//! space, and have the condition number 1.
+//! The vectors `x, N x, N² x, …` converge to the principal eigenvector. The condition number of the first `k` vectors grows by a factor
+//! with each photo. A result that uses their differences multiplies the photos' errors by this number. The patterns of the Lanczos process
+//! span the same space, and have the condition number 1.
 
 use super::bench::{Bench, Set};
 use super::figure::{Check, Content, Figure, Plot, Points, Reproduced, counted};
@@ -18,7 +18,7 @@ const SIDE: usize = 100;
 const PHOTOS: usize = 30;
 /// The number of photos at which the condition numbers are judged.
 const JUDGED: usize = 20;
-/// The required factor between the condition numbers.
+/// The required factor between the two condition numbers.
 const WORSE: f64 = 100.0;
 
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
@@ -37,7 +37,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     for _ in 0..PHOTOS {
         let mut photo = vec![0.0; known.len()];
         process.expand(cut)?;
-        // The photo of the last pattern follows from the coefficients that the process keeps, without a product.
+        // The photo of the last pattern follows from the stored coefficients of the process, without a product.
         let last = process.steps() - 1;
         for (row, vector) in process.basis().iter().chain(process.waiting()).enumerate() {
             add(&mut photo, process.entry(row, last), vector);
@@ -88,7 +88,7 @@ fn at(values: &[f64], photos: usize) -> f64 {
     values.get(photos - 1).copied().unwrap_or(f64::NAN)
 }
 
-/// The second eigenvalue of the normalized cut by the light itself.
+/// The second eigenvalue of the normalized cut, computed with the light transport itself.
 fn second_eigenvalue(light: &mut dyn Operator) -> Result<f64> {
     let graph = graph(light)?;
     let options = EigsOptions {
@@ -109,7 +109,7 @@ fn without(known: &[f64], mut vector: Vec<f64>) -> Vec<f64> {
     unit(vector)
 }
 
-/// Patterns of norm 1 and their photos. Each pattern is the previous photo without the known vector. Returns the last photo's error, too.
+/// Patterns of norm 1 and their photos. Each pattern is the previous photo without the known vector. Also returns the last photo's error.
 fn projected_back(
     operator: &mut dyn Operator,
     known: &[f64],
@@ -126,8 +126,8 @@ fn projected_back(
     Ok((pairs, noise))
 }
 
-/// The error of the largest Ritz value in the span of the first patterns, for each number of them. With `X = Q R`, the photos of `Q` are
-/// the photos of `X` times `R⁻¹`, and so are their errors.
+/// The error of the largest Ritz value in the span of the first `k` patterns, for each `k`. With `X = Q R`, the photos of `Q` are the
+/// photos of `X` times `R⁻¹`. The errors of these photos are transformed in the same way.
 fn errors_by_power(pairs: &[[Vec<f64>; 2]], reference: f64) -> Result<Points> {
     let mut basis: Vec<[Vec<f64>; 2]> = Vec::new();
     let mut found = Vec::new();
@@ -142,7 +142,7 @@ fn errors_by_power(pairs: &[[Vec<f64>; 2]], reference: f64) -> Result<Points> {
     Ok(found)
 }
 
-/// The same for the patterns of the Lanczos process.
+/// The errors as in [`errors_by_power`], but for the patterns of the Lanczos process.
 fn errors_by_lanczos(process: &Factorization, reference: f64) -> Result<Points> {
     let entry = |i: usize, j: usize| process.entry(i, j);
     let error = |steps: usize| {
@@ -193,7 +193,7 @@ mod tests {
         }
         let [power, lanczos] = [errors_by_power(&pairs, 0.7)?, errors_by_lanczos(&process, 0.7)?];
         assert_eq!(noise, 0.0);
-        // Three exact photos give the same error by either basis. Rounding is 1e-16 times a small condition number.
+        // Three exact photos give the same error for both bases. The rounding error is 1e-16 times a small condition number.
         assert!((power[2].1 - lanczos[2].1).abs() < 1e-10, "{:?} {:?}", power[2], lanczos[2]);
         assert!(lanczos[7].1 < 1e-6, "eight photos of a geometric spectrum: {lanczos:?}");
         Ok(())

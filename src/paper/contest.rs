@@ -1,4 +1,5 @@
-//! Compensation methods at equal photo counts: the paper's with clamping, box-constrained ones, and the optimum; their target and pictures.
+//! Compensation methods after equal numbers of photos (the paper's with clamping, box-constrained ones, the optimum), with target and
+//! pictures.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -13,7 +14,7 @@ use crate::observer::{Estimate, OnStep, Step};
 use crate::operator::{Adjoint, Observed, Operator, Product, Recorded, Symmetry};
 use crate::transport::Part;
 
-/// The target of a compensation on a stage, in W/(m² sr), and the photo under white that sets its scale.
+/// The target of a compensation on a stage, in W/(m² sr), and the photo under white that determines its scale.
 pub(super) struct TargetLight<'a> {
     stage: &'a Stage,
     /// The picture that the target shows, in [0, 1].
@@ -26,7 +27,7 @@ pub(super) struct TargetLight<'a> {
 }
 
 impl<'a> TargetLight<'a> {
-    /// Scales the picture by half the median of the white photo, so that all but its brightest parts are feasible.
+    /// Scales the picture by half the median of the white photo. Only its brightest parts are then infeasible.
     pub(super) fn new(stage: &'a Stage, operator: &mut dyn Adjoint) -> Result<Self> {
         let picture = picture(stage.resolution.width);
         let white = product(operator, &vec![1.0; picture.len()])?;
@@ -38,12 +39,12 @@ impl<'a> TargetLight<'a> {
         Ok(Self { stage, picture, light, peak, white, unit })
     }
 
-    /// `‖b − A x‖ / ‖b‖` with the true matrix, independent of the rig.
+    /// The relative residual `‖b − A x‖ / ‖b‖` with the true matrix, independent of the rig.
     pub(super) fn residual(&self, pattern: &[f64]) -> f64 {
         norm(&minus(&self.light, &self.stage.photo(pattern))) / norm(&self.light)
     }
 
-    /// The target as the rig reads it.
+    /// The target in the rig's units.
     pub(super) fn wanted(&self) -> Vec<f64> {
         self.light.iter().map(|light| self.unit * light).collect()
     }
@@ -54,7 +55,7 @@ impl<'a> TargetLight<'a> {
         SolveOptions { products: photos, rtol: 0.0, diagonal, ..SolveOptions::default() }
     }
 
-    /// Runs `method` for `photos` photos, preconditioned by the white photo if `scaled`, and records the residuals of its answer after each.
+    /// Runs `method` for `photos` photos, and records its residuals after each. If `scaled`, the white photo is the preconditioner.
     pub(super) fn run(
         &self,
         operator: &mut dyn Adjoint,
@@ -63,7 +64,7 @@ impl<'a> TargetLight<'a> {
     ) -> Result<MethodRun> {
         let mut options = self.options(method, photos);
         if scaled {
-            // The measurements of very dark pixels are mostly noise, hence the floor.
+            // The floor limits the weight of very dark pixels, whose measurements are mostly noise.
             let floor = 1e-3 * self.white.iter().copied().fold(0.0, f64::max);
             let white = self.white.iter().map(|value| value.max(floor)).collect();
             options.preconditioner = Some(Arc::new(Diagonal::new(white)?));
@@ -77,7 +78,7 @@ impl<'a> TargetLight<'a> {
         let observer = OnStep::new(|step: &Step<'_>| {
             let Estimate::Solution { iterate, .. } = step.estimate else { return ControlFlow::Continue(()) };
             let answer = iterate();
-            // A step may take no photo. In methods of photo pairs, a step takes two.
+            // A step may take no photo, or two photos in methods of photo pairs.
             while (run.answered.len() as u64) < step.done {
                 self.record(&answer, &mut run);
             }
@@ -88,7 +89,7 @@ impl<'a> TargetLight<'a> {
         Ok(MethodRun { pattern: found.x, shots: recorded.products, frames: recorded.frames, ..run })
     }
 
-    /// Records the residuals of the answer after one more photo.
+    /// Records the residuals of the solution after one more photo.
     pub(super) fn record(&self, answer: &[f64], run: &mut MethodRun) {
         run.answered.push(self.residual(answer));
         run.displayed.push(self.residual(&clamped(answer)));
@@ -96,8 +97,9 @@ impl<'a> TargetLight<'a> {
 
     /// A lower bound of the relative residual over all patterns in [0, 1], and the residual that a pattern attains.
     ///
-    /// Convexity gives `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)`. The minimum of the right side over the box is a sum over pixels (the
-    /// Frank–Wolfe gap). `x` comes from accelerated gradients; its accuracy affects only the tightness of the bound.
+    /// For the residual `r = b − A x` of a pattern `x`, convexity gives `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)` for all patterns `z`. The
+    /// minimum of the right side over the box is a sum over pixels (the Frank–Wolfe gap). Accelerated gradients give `x`, whose accuracy
+    /// affects only the tightness of the bound.
     pub(super) fn optimum(&self, operator: &mut dyn Adjoint, products: usize) -> Result<(f64, f64)> {
         let mut options = self.options(Method::Fista, products);
         options.diagonal = Some(self.stage.white());
@@ -112,7 +114,7 @@ impl<'a> TargetLight<'a> {
         Ok(((square - 2.0 * gap).max(0.0).sqrt() / scale, square.sqrt() / scale))
     }
 
-    /// Panels of the target, photos with and without compensation, the projected pattern, and errors. All photos share one exposure.
+    /// Pictures of the target, the photos with and without compensation, the pattern, and the errors. All photos share one exposure.
     pub(super) fn panels(&self, plain: &[f64], best: &MethodRun) -> Vec<Panel> {
         let stage = self.stage;
         let light = |values: Vec<f64>| Content::Light { values, white: Some(self.peak) };
@@ -134,29 +136,29 @@ impl<'a> TargetLight<'a> {
 
 #[derive(Default)]
 pub(super) struct MethodRun {
-    /// Residual of the method's answer after each photo.
+    /// The residual of the method's solution after each photo.
     pub(super) answered: Vec<f64>,
-    /// Residual of that answer clamped to [0, 1], as a projector displays it.
+    /// The residual of that solution clamped to [0, 1], as a projector displays it.
     pub(super) displayed: Vec<f64>,
-    /// The last answer, not clamped.
+    /// The last solution, not clamped.
     pub(super) pattern: Vec<f64>,
     pub(super) shots: Vec<Product>,
-    /// The frames that the camera had taken for the method after each photo; empty for an ideal rig.
+    /// The number of frames that the camera had taken for the method after each photo; empty for an ideal rig.
     pub(super) frames: Vec<u64>,
 }
 
 impl MethodRun {
-    /// Residual of the clamped answer after `photos` photos, or after the last photo if the method stopped earlier.
+    /// The residual of the clamped solution after `photos` photos, or after the last photo if the method stopped earlier.
     pub(super) fn displayed_at(&self, photos: usize) -> f64 {
         at(&self.displayed, photos)
     }
 
-    /// The least residual of the answers, not clamped, after any number of photos; infinite without answers.
+    /// The smallest residual of the solutions that are not clamped; infinite without solutions.
     pub(super) fn least_answered(&self) -> f64 {
         self.answered.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    /// The residual of the answer that is not clamped, otherwise as [`MethodRun::displayed_at`].
+    /// The residual as [`MethodRun::displayed_at`], but of the solution without clamping.
     pub(super) fn answered_at(&self, photos: usize) -> f64 {
         at(&self.answered, photos)
     }
@@ -168,9 +170,9 @@ fn at(residuals: &[f64], photos: usize) -> f64 {
 
 pub(super) struct Contest<'a> {
     pub(super) target_light: TargetLight<'a>,
-    /// The paper's method: a Krylov method whose last answer is clamped.
+    /// The paper's method: a Krylov method whose last solution is clamped.
     pub(super) recipe: MethodRun,
-    /// The same method, preconditioned by the white photo.
+    /// The paper's method, preconditioned by the white photo.
     pub(super) scaled: MethodRun,
     pub(super) boxed: MethodRun,
     pub(super) jacobi: MethodRun,
@@ -183,7 +185,7 @@ pub(super) struct Contest<'a> {
 }
 
 impl<'a> Contest<'a> {
-    /// Runs the comparison: `photos` photos per method besides the white one, `products` true products for the optimum.
+    /// Runs the comparison: `photos` photos per method besides the white photo, and `products` true products for the optimum.
     pub(super) fn hold(
         bench: &mut Bench,
         stage: &'a Stage,
@@ -208,7 +210,7 @@ pub(super) fn clamped(pattern: &[f64]) -> Vec<f64> {
     pattern.iter().map(|value| value.clamp(0.0, 1.0)).collect()
 }
 
-/// Curves of displayed residuals over the frames taken; none for an ideal rig, which takes no frames.
+/// Curves of the clamped patterns' residuals over the frames taken. There are none for an ideal rig, which takes no frames.
 pub(super) fn over_frames<'a>(entries: &[(&'a str, &MethodRun)]) -> Vec<(&'a str, Points)> {
     let line = |&(name, entry): &(&'a str, &MethodRun)| {
         let points = entry.frames.iter().zip(&entry.displayed).map(|(&taken, &seen)| (taken as f64, seen));
@@ -218,7 +220,7 @@ pub(super) fn over_frames<'a>(entries: &[(&'a str, &MethodRun)]) -> Vec<(&'a str
     if lines.iter().all(|(_, points)| points.is_empty()) { Vec::new() } else { lines }
 }
 
-/// The frames of each method's first `photos` photos, as numbers without a bound; none for an ideal rig.
+/// The number of frames for each method's first `photos` photos, reported without a bound. There are none for an ideal rig.
 pub(super) fn frames_taken(entries: &[(&str, &MethodRun)], photos: usize) -> Vec<Check> {
     let taken = |(name, entry): &(&str, &MethodRun)| {
         let frames = entry.frames.get(photos - 1).or(entry.frames.last())?;
@@ -231,7 +233,7 @@ pub(super) fn percent(share: f64) -> f64 {
     100.0 * share
 }
 
-/// Residuals at equal photo counts and, through a rig, displayed ones at equal frames.
+/// Plots of residuals after equal numbers of photos and, for a rig, of clamped patterns' residuals after equal numbers of frames.
 pub(super) fn at_equal_costs(
     lines: &[(&str, &[f64])],
     entries: &[(&str, &MethodRun)],
@@ -303,7 +305,8 @@ mod tests {
         let picture = picture(100);
         assert!(picture.iter().all(|value| (0.02..=1.0).contains(value)));
         let edges = picture.windows(2).filter(|pair| (pair[0] - pair[1]).abs() > 0.1).count();
-        // The bars alone have nine edges in each of ten rows, the staircase has five in fourteen, disc and ring have four in most of 52.
+        // The bars alone have nine edges in each of ten rows, the staircase has five in 14 rows, and disc and ring have four in most of 52
+        // rows.
         assert!(edges > 9 * 10 + 5 * 14 + 2 * 52, "{edges} of 10,000 neighbours differ");
     }
 }

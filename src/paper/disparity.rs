@@ -1,13 +1,13 @@
-//! A rig that is not quite coaxial: the remaining disparity, and its effect on methods for symmetric matrices.
+//! A rig that is not exactly coaxial: the remaining disparity, and its effect on methods for symmetric matrices.
 //!
-//! The devices are calibrated while they share one viewpoint. Then the projector is moved to the right and turned, so that it still looks
-//! at the point of the corner's edge that the camera looks at. The projector sees surfaces in front of that point displaced relative to the
-//! camera's view. For a corner whose walls are at the depth `z = d/(1 + |x|/z)`, the displacement follows from geometry alone. A camera
-//! finds it by structured light, and a matrix by its direct light.
+//! The devices are calibrated while they share one viewpoint. Then the projector is moved to the right, and turned back to the point of the
+//! corner's edge at which the camera looks. Surfaces in front of that point are then displaced in the projector's view, relative to the
+//! camera's view. For a corner whose walls are at the depth `z = d/(1 + |x|/z)`, the displacement follows from geometry alone. The camera
+//! measures it by structured light, and the direct light of the matrix shows it, too.
 //!
-//! Nothing is corrected for the disparity. MINRES and Lanczos treat the matrix as symmetric, as on a coaxial rig. They are compared with
-//! GMRES, which does not rely on symmetry, and with their own results without disparity. MINRES ends as soon as its products are less
-//! symmetric than their stated errors allow. With an ideal rig, whose products have no errors, it ends at once.
+//! The disparity is not corrected. MINRES and Lanczos treat the matrix as symmetric, as on a coaxial rig. They are compared with GMRES,
+//! which does not rely on symmetry, and with their own results without disparity. MINRES ends when its products are less symmetric than
+//! their stated errors allow. On an ideal rig, whose products have no errors, it ends at once.
 
 use std::collections::BTreeMap;
 
@@ -27,27 +27,27 @@ use crate::transport::Part;
 const SIDE: usize = 100;
 /// The distances of the projector to the right of the camera, in tenths of a millimetre.
 const BESIDE: [u32; 6] = [0, 10, 50, 100, 200, 500];
-/// Photos of a compensation besides the white one, and of eigenvalues.
+/// The number of photos of a compensation besides the white photo, and the number of photos for eigenvalues.
 const PHOTOS: usize = 10;
 const OF_EIGENVALUES: usize = 20;
-/// The measured disparity must agree with geometry within this number of pixels, the accuracy that calibration promises for a map.
+/// The largest allowed difference between measured and geometric disparity, in pixels: the accuracy that calibration promises for a map.
 const AGREE: f64 = 0.1;
-/// A method is as good as without disparity if its residual is at most this many times as large, or below a tenth of a per cent.
+/// A method counts as unaffected if its residual is at most this many times the residual without disparity, or below a tenth of a per cent.
 const AS_GOOD: f64 = 1.5;
 const SMALL: f64 = 1e-3;
-/// Side of the cells of projector pixels over which codes are averaged, because single codes are rounded; and a cell's least number of
+/// The side of a cell of projector pixels over which codes are averaged, since single codes are rounded; and a cell's least number of
 /// codes.
 const CELL: f64 = 4.0;
 const CODES: usize = 12;
 
 struct Row {
     millimetres: f64,
-    /// The median displacement over the picture and the 95th percentile in pixels, by geometry and as measured.
+    /// The median and the 95th percentile of the displacement over the picture in pixels, first by geometry and then as measured.
     derived: [f64; 2],
     measured: [f64; 2],
-    /// `‖H − Hᵀ‖/‖H‖` as Lanczos sees it.
+    /// The asymmetry `‖H − Hᵀ‖/‖H‖` of the projected matrix `H` in Lanczos.
     asymmetry: f64,
-    /// The residual of the compensated light, by MINRES and by GMRES.
+    /// The residuals of the compensation, by MINRES and by GMRES.
     minres: MethodRun,
     gmres: MethodRun,
 }
@@ -135,7 +135,7 @@ fn checks(rows: &[Row]) -> Vec<Check> {
     checks
 }
 
-/// An operator that is treated as symmetric, as it would be on a coaxial rig.
+/// An operator that declares itself symmetric, as on a coaxial rig.
 struct AsIfCoaxial(LabOperator);
 
 impl Operator for AsIfCoaxial {
@@ -152,8 +152,8 @@ impl Adjoint for AsIfCoaxial {
     }
 }
 
-/// The displacement at each pixel of the camera. It is the place of the point that the pixel sees in the raster of the moved and turned
-/// projector, minus the pixel's own place.
+/// The displacement at each pixel of the camera. A pixel sees a point of the scene. The displacement is the position of this point in the
+/// raster of the moved and turned projector, minus the pixel's own position.
 fn derived(stage: &Stage, beside: f64) -> Vec<[f64; 2]> {
     let side = stage.resolution.width as f64;
     let scene = Set::Corner.scene();
@@ -184,7 +184,8 @@ fn derived(stage: &Stage, beside: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// The lengths of the displacements by the matrix's direct light, to the centroid of the projector's pixels whose light a pixel sees.
+/// The lengths of the displacements, from the matrix's direct light. Each displacement is from a camera pixel to the centroid of the
+/// projector pixels whose light it receives.
 fn of_matrix(bench: &mut Bench, stage: &Stage) -> Result<Vec<f64>> {
     let matrix = bench.lab(stage)?.matrix(Part::Direct, 0)?;
     let width = stage.resolution.width;
@@ -209,7 +210,7 @@ fn of_codes(bench: &mut Bench, stage: &Stage) -> Result<Vec<f64>> {
     let border = decoded.step as f64;
     let side = stage.resolution.width as f64;
     let far = |seen: &[f64; 2]| seen.iter().all(|&at| at > border && at < side - border);
-    // The mean displacement of each cell. A pixel that looks across the field's border is only partly lit, which shifts its centroid.
+    // The displacement is averaged over each cell. Pixels at the border of the lit area are left out: partial light shifts their centroids.
     let mut cells: BTreeMap<[u64; 2], (usize, [f64; 2])> = BTreeMap::new();
     for seen in decoded.all().filter(|seen| far(&seen.at)) {
         let at = [seen.pixel % map.camera.width, seen.pixel / map.camera.width].map(|at| at as f64 + 0.5);

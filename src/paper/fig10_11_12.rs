@@ -1,4 +1,5 @@
-//! Figures 10, 11 and 12: compensation in focus after five photos, defocused after 8 and 12, and the latter's photos in order.
+//! Figures 10, 11 and 12: compensation in focus after five photos, compensation out of focus after 8 and 12 photos, and its photos in
+//! order.
 
 use super::bench::{Bench, Set, Stage};
 use super::contest::{Contest, MethodRun, TargetLight, at_equal_costs, clamped, frames_taken, percent};
@@ -9,10 +10,10 @@ use crate::krylov::Method;
 use crate::transport::Part;
 
 const SIDE_IN_FOCUS: usize = 100;
-/// Photos besides the white one.
+/// The number of photos besides the white photo.
 const PHOTOS_IN_FOCUS: usize = 5;
 const MORE_IN_FOCUS: usize = 10;
-/// Products with the true matrix for the optimum. No rig takes them as photos.
+/// The number of products with the true matrix for the optimum. No rig could take this many photos.
 const OPTIMUM_IN_FOCUS: usize = 600;
 
 pub(super) fn fig11(bench: &mut Bench) -> Result<Reproduced> {
@@ -57,13 +58,13 @@ pub(super) fn fig11(bench: &mut Bench) -> Result<Reproduced> {
 }
 
 pub(super) const SIDE: usize = 128;
-/// Photos besides the white one.
+/// The number of photos besides the white photo.
 pub(super) const PHOTOS: usize = 12;
-/// Photos that show whether more of them would suffice.
+/// A larger number of photos, which shows whether more photos would suffice.
 const MORE: usize = 36;
-/// The wanted ratio of the residual to the optimum.
+/// The required ratio of the residual to the optimum.
 const NEARLY: f64 = 1.05;
-/// Products with matrix and transpose for the optimum, which converges slowly out of focus.
+/// The number of products with the matrix and its transpose for the optimum, which converges slowly out of focus.
 const OPTIMUM: usize = 2000;
 
 pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
@@ -130,8 +131,8 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The reason why twelve photos may not be enough, by runs on the matrix itself: with the same number of products, with more, and with the
-/// same number that includes the transpose.
+/// The reason why twelve photos may not be enough. It is found by runs on the matrix itself: with the same number of products, with more
+/// products, and with the same number that includes products with the transpose.
 fn transpose_is_missing(bench: &mut Bench, stage: &Stage, bound: f64) -> Result<String> {
     let operator = &mut bench.truth(stage, Part::Full)?;
     let light = TargetLight::new(stage, operator)?;
@@ -150,7 +151,7 @@ fn transpose_is_missing(bench: &mut Bench, stage: &Stage, bound: f64) -> Result<
     ))
 }
 
-/// The ratio of the box-constrained method's final residual to the optimum's lower bound, if camera and projector have the same lens.
+/// The ratio of the box-constrained method's final residual to the lower bound, with equal lenses for camera and projector.
 fn both_lenses(bench: &mut Bench) -> Result<f64> {
     let stage = bench.stage(Set::BothDefocused, bench.side(SIDE))?;
     let operator = &mut bench.photos(&stage, Part::Full)?;
@@ -160,7 +161,7 @@ fn both_lenses(bench: &mut Bench) -> Result<f64> {
     Ok(boxed.displayed_at(PHOTOS) / bound)
 }
 
-/// Root mean square of the differences between neighbours, relative to the mean value.
+/// The root mean square of the differences between neighbouring pixels, relative to the mean value.
 fn edges(image: &[f64], Resolution { width, height }: Resolution) -> f64 {
     let mean = image.iter().sum::<f64>() / image.len() as f64;
     let pixels = (1..height).flat_map(|y| (1..width).map(move |x| y * width + x));
@@ -172,9 +173,9 @@ fn edges(image: &[f64], Resolution { width, height }: Resolution) -> f64 {
     (squares / count.max(1) as f64).sqrt() / mean
 }
 
-/// The photos of the paper's shorter run, which must suffice.
+/// The number of photos in the paper's shorter run, which must suffice.
 const FEWER: usize = 8;
-/// A residual counts as good if it is at most this share above the residual after all photos.
+/// A residual counts as good if it exceeds the residual after all photos by at most this share.
 const ENOUGH: f64 = 0.05;
 
 pub(super) fn fig10(bench: &mut Bench) -> Result<Reproduced> {
@@ -218,7 +219,7 @@ pub(super) fn fig10(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The number of photos from which the displayed residual is nearly that of all photos.
+/// The number of photos after which the residual of the clamped pattern is nearly as good as after all photos.
 fn enough(entry: &MethodRun) -> usize {
     let wanted = (1.0 + ENOUGH) * entry.displayed_at(PHOTOS);
     let worse =

@@ -1,4 +1,4 @@
-//! Figure 13: a sinusoid from a one-bit projector, thresholded and in bit planes, and the noise that bit planes cost.
+//! Figure 13: a sinusoid from a one-bit projector, as a binary threshold and as bit planes, and the noise that bit planes add.
 
 use super::bench::{Bench, Set, Stage, one_bit};
 use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, Rig};
@@ -13,9 +13,9 @@ use crate::measure::{
 use crate::rig::VirtualRig;
 
 const SIDE: usize = 100;
-/// Bit planes of the shown result.
+/// The number of bit planes of the displayed result.
 const PLANES: u32 = 8;
-/// The largest number of bit planes of the curves, which start at 1.
+/// The largest number of bit planes in the curves. The smallest is 1.
 const MOST: u32 = 10;
 const PERIODS: f64 = 4.0;
 /// Total exposures in seconds. White fills most of the sensor's well in `BRIGHT`, and only 1 % of the well in `DIM`.
@@ -32,7 +32,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let mut exact = noisy.clone();
     exact.camera.shot_noise = false;
     exact.camera.read_noise = 0.0;
-    // Quantization is not the subject of this figure. There is no noise to dither it, so it is made fine.
+    // Quantization is not the subject of this figure. The exact camera has no noise that would dither it, so its quantization is made fine.
     exact.camera.bits = 16;
     exact.projector.black_level = 0.0;
     let rig = if bench.rig() == Rig::Ideal { &exact } else { &noisy };
@@ -42,7 +42,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let lab = &*bench.lab(&stage)?;
     let take = |rig: &VirtualRig, planes: u32, seconds: f64| -> Result<Vec<f64>> {
         let (counts, _) = photo(lab, &file, rig, &pattern, (planes, seconds))?;
-        // This is in counts per second for 1 W/(m² sr). The noise-free white photo sets the sensor's gain.
+        // The unit is the number of counts per second for 1 W/(m² sr). The noise-free white photo determines the gain of the sensor.
         let unit = counts_per_light(rig, &stage);
         Ok(counts.into_iter().map(|count| count / unit).collect())
     };
@@ -56,7 +56,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         bright.push((f64::from(planes), off(&take(rig, planes, BRIGHT)?)));
         dim.push((f64::from(planes), off(&take(&noisy, planes, DIM)?)));
     }
-    // The frames are equal with and without read noise. Their difference is the noise.
+    // With and without read noise, the frames are otherwise equal. Their difference is therefore the noise.
     let mut read_only = noisy.clone();
     read_only.camera.shot_noise = false;
     read_only.camera.bits = 16;
@@ -112,7 +112,7 @@ fn sinusoid(side: usize) -> Vec<f64> {
     (0..side * side).map(value).collect()
 }
 
-/// The photo of `pattern` in counts per second, from `planes` bit planes with a total exposure of `seconds`, and the frames that it took.
+/// The photo of `pattern` in counts per second, from `planes` bit planes with a total exposure of `seconds`, and its number of frames.
 fn photo(
     lab: &Lab,
     file: &RigFile,
@@ -129,10 +129,10 @@ fn photo(
     };
     let file = RigFile { measurement, kind: RigKind::Virtual(rig.clone()), ..file.clone() };
     let mut lab = lab.through_rig(file)?;
-    // In dim light, noise hides white at most pixels, and the figure shows this.
+    // The checks of the rig would fail in dim light, because noise hides white at most pixels. The figure shows this effect.
     lab.unexamined();
     let pattern = Image::from_planes(lab.resolution(), &[pattern.to_vec()])?;
-    // A rig has devices, and its photos are measured.
+    // The source is a virtual rig, so its devices exist, and its photos are measured.
     let calibration = known(lab.rig().ok_or(Error::Interrupted)?.devices()?);
     lab.set_calibration(calibration)?;
     let taken = lab.with_measurement(|measurement| {
@@ -143,7 +143,7 @@ fn photo(
     Ok((photo.planes.swap_remove(0).values, frames))
 }
 
-/// The calibration that follows from the rig's own description. A calibration of two levels from captures would add little.
+/// The calibration that follows from the rig's own description. A calibration from captures would add little for two levels.
 fn known(rig: &VirtualRig) -> Calibration {
     let mut calibration = Calibration::ideal(&rig.projector_info(), &rig.camera_info());
     let camera = &mut calibration.camera;

@@ -1,8 +1,8 @@
 //! Figure 2: the principal eigenvector by optical power iteration.
 //!
-//! On a leaning sheet, direct light is brightest in one spot, and the photos shrink to it. The ratio of the two largest eigenvalues sets
-//! the speed: `tan θ_k ≤ (λ₂/λ₁)^k tan θ_0` for the angle `θ_k` to the principal eigenvector. The brightest pixels are neighbours, and
-//! nearly equally bright, so the ratio is close to 1. The Krylov space of the same photos holds a far better vector.
+//! On a leaning sheet, direct light is brightest in one spot, and the photos converge to it. The ratio of the two largest eigenvalues
+//! determines the speed: `tan θ_k ≤ (λ₂/λ₁)^k tan θ_0` for the angle `θ_k` to the principal eigenvector. The brightest pixels are
+//! neighbours and nearly equally bright, so the ratio is close to 1. The Krylov subspace of the same photos contains a far better vector.
 
 use super::bench::{Bench, Set, Stage};
 use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, counted};
@@ -13,13 +13,13 @@ use crate::operator::{Adjoint, Operator, Recorded};
 use crate::transport::Part;
 
 const SIDE: usize = 100;
-/// Pixels per side for the dense eigensolver: 1024 unknowns.
+/// The pixels per side for the dense eigensolver, which then has 1024 unknowns.
 const DENSE_SIDE: usize = 32;
 const PHOTOS: usize = 50;
 const ALIKE: f64 = 0.999;
-/// A spot is at most a thousandth of the pixels.
+/// The largest share of the pixels that counts as a spot.
 const SPOT: f64 = 1e-3;
-/// The most products with the matrix itself to find the number of photos that are needed.
+/// The largest number of products with the matrix itself, in the search for the number of photos needed.
 const MOST: usize = 5000;
 const SHOWN: [usize; 4] = [1, 5, 15, 50];
 
@@ -82,14 +82,14 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
 }
 
 struct Speed {
-    /// The second eigenvalue over the first.
+    /// The second eigenvalue divided by the first.
     ratio: f64,
-    /// The photos from white until the overlap is as wanted, predicted from the ratio.
+    /// The number of photos from white until the overlap is as required, predicted from the ratio.
     photos: f64,
 }
 
 impl Speed {
-    /// The speed from white, for the leading eigenvalues and the principal eigenvector of `pixels` pixels.
+    /// The speed of power iteration from white, for the leading eigenvalues and the principal eigenvector of `pixels` pixels.
     fn of(values: &[f64], pixels: usize, principal: &[f64]) -> Self {
         let ratio = values[1] / values[0];
         let from = overlap(principal, &vec![1.0; pixels]).acos().tan();
@@ -126,7 +126,7 @@ fn last(patterns: &[Vec<f64>]) -> &[f64] {
     patterns.last().map_or(&[], Vec::as_slice)
 }
 
-/// One minus the overlap of the leading Ritz vector with the reference, after each photo from white.
+/// One minus the overlap of the leading Ritz vector with the reference, after each photo of a Lanczos process from white.
 fn lanczos(operator: &mut dyn Operator, reference: &[f64]) -> Result<Vec<f64>> {
     let mut process = Factorization::lanczos(&vec![1.0; operator.cols()], &[])?;
     let mut apart = Vec::new();
@@ -145,7 +145,7 @@ fn leading(operator: &mut dyn Operator) -> Result<Spectrum> {
     Ok(Spectrum { values: found.values, vectors: found.vectors })
 }
 
-/// The number of products of power iteration from white until the overlap is as wanted.
+/// The number of products of power iteration from white until the overlap is as required.
 fn photos_needed(operator: &mut dyn Operator, reference: &[f64]) -> Result<usize> {
     let mut x = vec![1.0; operator.cols()];
     for photos in 1..=MOST {
@@ -161,7 +161,7 @@ fn sine(overlap: f64) -> f64 {
     (1.0 - overlap * overlap).max(0.0).sqrt()
 }
 
-/// The number of pixels that share the light of a pattern, `(Σ x²)² / Σ x⁴`: 1 for a single pixel, and all pixels for an even pattern.
+/// The effective number of pixels of a pattern, `(Σ x²)² / Σ x⁴`: 1 for a single pixel, and all pixels for an even pattern.
 fn sharing(pattern: &[f64]) -> f64 {
     let squares: Vec<f64> = pattern.iter().map(|value| value * value).collect();
     squares.iter().sum::<f64>().powi(2) / dot(&squares, &squares)
@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn the_ratio_of_eigenvalues_tells_the_photos_needed() {
-        // For diag(1, ½) from (1, 1), tan θ is 1 and halves with each photo until it is tan arccos 0.999 = 0.0447, between 2^-4 and 2^-5.
+        // For diag(1, ½) from (1, 1), tan θ is 1 and halves with each photo. It reaches tan arccos 0.999 = 0.0447 between 2^-4 and 2^-5.
         let speed = Speed::of(&[1.0, 0.5], 2, &[1.0, 0.0]);
         assert!((4.0..5.0).contains(&speed.photos), "{}", speed.photos);
     }

@@ -1,10 +1,10 @@
 //! Figures 4 and 5: segmentation of the zigzag, and its pixels as points in the space of eigenvectors.
 //!
-//! Figure 4 has two groups that exchange no light, and horizontal cuts at six and ten groups.
+//! In figure 4, two groups exchange no light, and six and ten groups are cut horizontally.
 //!
-//! The folded sheets of the zigzag have creases that are sharp at every scale. Their light has only four separated eigenvalues: two
-//! groups, each cut in halves. With more groups, it is cheaper to cut off the tips of the creases than to form bands ([`continuous`]);
-//! the value of the cut measures this. Bent sheets, which resemble real paper in close-up, are cut into bands.
+//! The folded sheets of the zigzag have creases that are sharp at every scale. Their light has only four separate eigenvalues, which give
+//! two groups and the two halves of each. With more groups, cutting off the tips of the creases costs less than forming bands
+//! ([`continuous`]). The value of the cut measures this cost. Bent sheets, which resemble real paper in close-up, are cut into bands.
 
 use std::ops::ControlFlow;
 
@@ -21,12 +21,12 @@ use crate::transport::Part;
 pub(super) const SIDE: usize = 100;
 pub(super) const PHOTOS: usize = 50;
 const PURE: f64 = 0.99;
-/// Required share of pixels in their row's majority group. Borders are noisy and may be bent.
+/// The required share of pixels in the majority group of their row. Borders are noisy and may be bent.
 const HORIZONTAL: f64 = 0.9;
-/// Group counts for the zigzag: the paper's counts, and four for the halves.
+/// The numbers of groups for the zigzag: those of the paper, and four for the halves.
 const FOLDED: [usize; 4] = [2, 4, 6, 10];
 const BENT: [usize; 2] = [6, 10];
-/// The angle between the faces of one of the zigzag's folds, in radians: 0.2 m to the side on 0.3 m of depth.
+/// The angle between the faces of a fold of the zigzag, in radians. A face extends 0.2 m to the side over 0.3 m of depth.
 const OPENING: f64 = 2.0 * 0.588_002_603_547_567_5;
 
 /// The edge of the continuous spectrum of the zigzag's folds.
@@ -99,7 +99,7 @@ fn folded(mut panel: Panel) -> Panel {
     panel
 }
 
-/// Checks that each group spans a sheet's width and that the borders run along the rows.
+/// Checks that each group spans the width of a sheet, and that the borders are along the rows.
 fn are_bands(what: &str, groups: usize, segmentation: &Segmentation, stage: &Stage) -> [Check; 2] {
     let found = bands(labels(segmentation, groups), &stage.truth, stage.resolution);
     [
@@ -110,7 +110,7 @@ fn are_bands(what: &str, groups: usize, segmentation: &Segmentation, stage: &Sta
     ]
 }
 
-/// Checks that the groups solve the stated problem: their cut costs no more than a cut into straight bands.
+/// Checks that the groups solve the stated problem: their cut must cost at most as much as a cut into straight bands.
 fn is_cheap(
     what: &str,
     groups: usize,
@@ -124,8 +124,7 @@ fn is_cheap(
         .at_most(ratio, 1.0))
 }
 
-/// The segmentation at the full number of photos, and the purity of two groups after 4 to 20 photos and at the end. A single capture is
-/// interrupted, evaluated and continued.
+/// The segmentation after all photos, and the purity of two groups after 4 to 20 photos and at the end, from one interrupted capture.
 fn segment_step_by_step(operator: &mut dyn Operator, stage: &Stage) -> Result<(Segmentation, Points)> {
     let mut capture = Capture::new(asked(PHOTOS, &FOLDED, stage.resolution))?;
     let mut curve = Vec::new();
@@ -165,7 +164,7 @@ fn purity_plot(points: Points) -> Plot {
     Plot::linear(caption, ["photos", "purity"], [("two groups", points)]).marked(PURE, "wanted")
 }
 
-/// Chosen pixels: name and position in the photo, 0 to 1.
+/// The chosen pixels: name, and position in the photo from 0 to 1.
 const CHOSEN: [(&str, [f64; 2]); 4] = [
     ("A: left sheet, its left face, above", [0.12, 0.25]),
     ("B: left sheet, its right face, above", [0.38, 0.25]),
@@ -217,9 +216,9 @@ pub(super) fn fig5(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The least rank of the pixels by the coordinates of separate eigenvalues only.
+/// The smallest rank of the pixels, from the coordinates of separate eigenvalues only.
 fn ranked_by_separate(found: &Segmentation, stage: &Stage, pixels: &[usize]) -> f64 {
-    // The first eigenvector is equal in all pixels and so not a coordinate.
+    // The first eigenvector has equal entries at all pixels, so it is not a coordinate.
     let count = found.eigenvalues.iter().skip(1).filter(|value| **value > edge()).count();
     let feature = |pixel| found.feature(pixel).into_iter().take(count).collect();
     let features: Vec<Vec<f64>> = (0..stage.pixels()).map(feature).collect();
@@ -254,7 +253,7 @@ fn distance_maps(stage: &Stage, chosen: &[(&str, usize)], distances: &[Vec<f64>]
         let caption = format!("Distance of each pixel from {name}");
         stage.panel(format!("from-{}", &name[..1].to_lowercase()), caption, Content::Amounts(from.clone()))
     });
-    // Values above the photo's brightest one mark the chosen pixels.
+    // Values above the brightest value of the photo mark the chosen pixels.
     let white = stage.white();
     let brightest = white.iter().copied().fold(0.0, f64::max);
     let mut marked: Vec<f64> = white.iter().map(|value| 0.6 * value).collect();

@@ -1,10 +1,10 @@
 //! Figures 6, 8 and 9: sheets behind a post, an egg carton, and the photos of its segmentation.
 //!
-//! In figure 6, patches that are occluded from each other are separate groups, and patches that are apart in the photo share one. The rims
-//! of the two sheets occlude them from each other, so that they exchange no light. A black post in front of the left sheet divides it into
-//! two patches in the photo. Light passes behind the post.
+//! In figure 6, patches that are occluded from each other are in separate groups, and patches that are apart in the photo are in one group.
+//! The rims of two sheets occlude the sheets from each other, so the sheets exchange no light. A black post in front of the left sheet
+//! divides this sheet into two patches in the photo. Light passes behind the post.
 //!
-//! Figure 8 divides an egg carton, empty and with eggs, into ten groups from 50 photos that are blurred on both sides.
+//! In figure 8, an egg carton, empty and with eggs, is divided into ten groups. The 50 photos and their patterns are blurred.
 
 use super::bench::{Bench, Set, Stage};
 use super::figure::{Check, Figure, Panel, Plot, Reproduced, Strip, counted};
@@ -18,7 +18,7 @@ use crate::transport::Part;
 
 const PATCH_GROUPS: [usize; 3] = [2, 4, 6];
 const PURE: f64 = 0.99;
-/// Minimum size of a patch, as a share of the photo.
+/// The smallest size of a patch, as a share of the photo.
 const PATCH: f64 = 0.01;
 const LEFT_SHEET: u8 = 0;
 const POST: u8 = 2;
@@ -60,7 +60,7 @@ pub(super) fn fig6(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The shares of group 1 in the patches of the left sheet on the left and on the right of the post.
+/// The share of group 1 in each patch of the left sheet: left and right of the post.
 fn shares(labels: &[u8], stage: &Stage) -> [f64; 2] {
     let width = stage.resolution.width;
     let post = stage.truth.iter().position(|&region| region == POST).map_or(width, |pixel| pixel % width);
@@ -79,10 +79,10 @@ pub(super) const SIDE: usize = 128;
 pub(super) const PHOTOS: usize = 50;
 const GROUPS: usize = 10;
 const EIGENVECTORS: usize = 20;
-/// Standard deviation of the blur of patterns and photos, in pixels.
+/// The standard deviation of the blur of patterns and photos, in pixels.
 const BLUR: f64 = 1.0;
 const CELLS: usize = 9;
-/// Eigenvalues this close to 1 indicate regions that exchange hardly any light.
+/// Eigenvalues above this value indicate regions that exchange hardly any light.
 const ONE: f64 = 0.99;
 
 pub(super) fn fig8(bench: &mut Bench) -> Result<Reproduced> {
@@ -92,7 +92,7 @@ pub(super) fn fig8(bench: &mut Bench) -> Result<Reproduced> {
     let (egg_stage, eggs) = run(bench, Set::CartonEggs, side, BLUR)?;
     let (without, with) = (labels(&empty, GROUPS), labels(&eggs, GROUPS));
     let (nine_without, nine_with) = (labels(&empty, CELLS), labels(&eggs, CELLS));
-    // Flat spots where rims meet exchange light among only two or three pixels. They add eigenvalues at one, which are excluded.
+    // Where rims meet, flat spots exchange light among only two or three pixels. They add eigenvalues near 1, which are excluded.
     let ones = |found: &Segmentation| {
         let at_one = found.eigenvalues.iter().enumerate().filter(|(_, value)| **value >= ONE);
         at_one.filter(|(index, _)| !found.embedding.is_local(*index)).count() as f64
@@ -172,7 +172,7 @@ fn panels_of(name: &str, what: &str, stage: &Stage, found: &Segmentation) -> imp
 pub(super) fn fig9(bench: &mut Bench) -> Result<Reproduced> {
     let stage = bench.stage(Set::Carton, bench.side(SIDE))?;
     let mut operator = bench.photos(&stage, Part::Global)?;
-    // The recorder sees the pattern that is really projected, and its photo before the second blur.
+    // The recorder receives the pattern that is really projected, and its photo before the second blur.
     let mut recorded = Recorded::new(&mut operator);
     let blur = Blur::new(stage.resolution, BLUR).ok_or(Error::Interrupted)?;
     let found = segment(&mut Blurred::new(&mut recorded, blur)?, &asked_of_carton(&stage))?;

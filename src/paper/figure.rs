@@ -1,4 +1,4 @@
-//! The paper's figures with their statements, and their reproductions: measured numbers with bounds, and planes of unpainted values.
+//! The paper's figures with their statements, and their reproductions: measured numbers with bounds, and the values of the pictures.
 
 use crate::image::Resolution;
 use crate::operator::Product;
@@ -33,14 +33,14 @@ pub enum Figure {
     Conditioning,
     /// The polynomials behind the methods.
     Polynomials,
-    /// Camera and projector apart: the transpose by exchanging them.
+    /// Camera and projector apart, with photos of the transpose by exchanging the devices.
     Apart,
     /// The disparity that remains in a coaxial pair.
     Disparity,
 }
 
 impl Figure {
-    /// All figures in order. Arguments of the paper that it does not show come last.
+    /// All figures in order. Arguments of the paper without a figure come last.
     pub const ALL: [Self; 15] = [
         Self::Fig2,
         Self::Fig4,
@@ -67,7 +67,7 @@ pub struct Reproduced {
     pub figure: Figure,
     /// The rig that took the photos.
     pub rig: Rig,
-    /// Setting: scene, resolution, photos.
+    /// The setting: scene, resolution, number of photos.
     pub setting: String,
     /// Measured numbers and their bounds.
     pub checks: Vec<Check>,
@@ -75,12 +75,12 @@ pub struct Reproduced {
     pub panels: Vec<Panel>,
     /// Plots.
     pub plots: Vec<Plot>,
-    /// Contact sheets of its photos.
+    /// Contact sheets of the photos.
     pub strips: Vec<Strip>,
-    /// Number of photos of the result: products with the light transport matrix.
+    /// The number of photos behind the result, which are products with the light transport matrix.
     pub photos: usize,
-    /// Frames that the virtual camera took for all products of the figure, including comparisons with other methods but not calibration. 0
-    /// for an ideal rig, which takes no frames.
+    /// The number of frames that the virtual camera took for all products of the figure. It includes comparisons with other methods, but
+    /// not the calibration. It is 0 for an ideal rig, which takes no frames.
     pub frames: u64,
     /// Wall-clock time, in seconds.
     pub seconds: f64,
@@ -135,7 +135,7 @@ pub enum Content {
     Light {
         /// Values in the unit that the caption names.
         values: Vec<f64>,
-        /// The value shown as white; `None` selects it by automatic exposure.
+        /// The value that is shown as white; `None` for automatic exposure.
         white: Option<f64>,
     },
 }
@@ -143,12 +143,12 @@ pub enum Content {
 /// The points of a line.
 pub(super) type Points = Vec<(f64, f64)>;
 
-/// Values over their numbers, which start at 1.
+/// The points of values over their numbers, which start at 1.
 pub(super) fn counted(values: &[f64]) -> Points {
     values.iter().enumerate().map(|(index, &value)| (index as f64 + 1.0, value)).collect()
 }
 
-/// The first number from which on the values of a curve are good; infinite if its last value is not.
+/// The first number from which all values of a curve are good; infinite if its last value is not good.
 pub(super) fn good_from(curve: &[(f64, f64)], is_good: impl Fn(f64) -> bool) -> f64 {
     let from = curve.iter().rposition(|&(_, value)| !is_good(value)).map_or(0, |at| at + 1);
     curve.get(from).map_or(f64::INFINITY, |&(number, _)| number)
@@ -174,7 +174,7 @@ impl Plot {
         Self { caption: caption.into(), lines: LinePlot { x_label, y_label, series, ..LinePlot::default() } }
     }
 
-    /// The same with a logarithmic axis `y_label`.
+    /// The plot with a logarithmic vertical axis, labelled `y_label`.
     pub(super) fn logarithmic(
         caption: impl Into<String>,
         labels: [&str; 2],
@@ -198,7 +198,7 @@ pub struct Strip {
     pub caption: String,
     /// Resolution of each pattern and photo.
     pub resolution: Resolution,
-    /// The patterns and their photos, as the method requested and received them. Either may be signed.
+    /// The patterns and their photos, in the values that the method requested and received. Both may be signed.
     pub photos: Vec<Product>,
 }
 
@@ -208,7 +208,7 @@ impl Figure {
         WORDS[self as usize][0]
     }
 
-    /// Number and subject, for example `Figure 2: power iteration`. Arguments that the paper does not show have no number.
+    /// Number and subject, for example `Figure 2: power iteration`. Arguments of the paper without a figure have no number.
     pub fn title(self) -> &'static str {
         WORDS[self as usize][1]
     }
@@ -316,14 +316,14 @@ const WORDS: [[&str; 3]; Figure::ALL.len()] = [
 /// The kind of rig that measures the light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rig {
-    /// Shows any real-valued pattern and measures the light without error.
+    /// A rig that shows any real-valued pattern and measures the light without error.
     Ideal,
     /// An 8-bit projector and a 14-bit camera with realistic errors, calibrated from captures.
     Virtual,
 }
 
 impl Rig {
-    /// Its name on the command line.
+    /// The name of the rig on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ideal => "ideal",
@@ -332,14 +332,14 @@ impl Rig {
     }
 }
 
-/// The bound of a number.
+/// The bound of a measured number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Limit {
     /// At least this value.
     AtLeast(f64),
     /// At most this value.
     AtMost(f64),
-    /// No bound: the number is reported only.
+    /// There is no bound, and the number is only reported.
     Stated,
 }
 
@@ -352,12 +352,12 @@ pub struct Check {
     pub value: f64,
     /// The bound.
     pub limit: Limit,
-    /// The reason why the number misses its bound, if it does; empty if no reason is known.
+    /// The known reason why the number may miss its bound; empty if no reason is known.
     pub cause: String,
 }
 
 impl Check {
-    /// A quantity, with its unit, that is not yet measured.
+    /// A quantity, with its unit, without a measured value yet.
     pub fn of(what: impl Into<String>) -> Self {
         Self { what: what.into(), value: f64::NAN, limit: Limit::Stated, cause: String::new() }
     }
@@ -380,13 +380,13 @@ impl Check {
         Self { value, ..self }
     }
 
-    /// The same number, with the reason why it misses its bound if it does.
+    /// Adds the reason why the number may miss its bound.
     #[must_use]
     pub fn because(self, cause: impl Into<String>) -> Self {
         Self { cause: cause.into(), ..self }
     }
 
-    /// The cause of a missed bound; empty if the bound is met or no cause is known.
+    /// The reason why the number misses its bound; empty if the bound is met or no reason is known.
     pub fn cause(&self) -> &str {
         if self.is_met() { "" } else { &self.cause }
     }
@@ -400,7 +400,7 @@ impl Check {
         }
     }
 
-    /// The distance by which the number misses its bound; 0 if it meets it.
+    /// The distance by which the number misses its bound; 0 if it meets the bound.
     pub fn shortfall(&self) -> f64 {
         match self.limit {
             _ if self.is_met() => 0.0,

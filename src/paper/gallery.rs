@@ -27,13 +27,13 @@ use crate::report::spectrum::narrowed;
 pub struct Gallery<'a> {
     /// The reproductions.
     pub made: &'a [Reproduced],
-    /// Whether the figures are smaller than the paper's; the page says so.
+    /// Whether the figures are smaller than the paper's figures. If so, the page states this.
     pub quick: bool,
 }
 
 impl Gallery<'_> {
-    /// Writes `report.html`, `figures.json`, the table `figures.md` and every picture into `folder`; returns their names. The run took
-    /// `seconds` so far.
+    /// Writes `report.html`, `figures.json`, the table `figures.md` and every picture into `folder`. Returns the names of the files.
+    /// `seconds` is the duration of the run so far.
     ///
     /// # Errors
     /// [`Error::Write`] naming the file; [`Error::Dimension`] when a picture's values do not match its resolution.
@@ -65,8 +65,8 @@ impl Gallery<'_> {
         Ok(files.names)
     }
 
-    /// Writes the same into the folder of an open run, with the photos and time of each figure. Returns the page. Fails as
-    /// [`Gallery::write`] does.
+    /// Writes the same files into the folder of an open run, with the photos and time of each figure. Returns the page. Fails as
+    /// [`Gallery::write`].
     pub fn write_into(&self, run: &mut RunFolder) -> Result<PathBuf> {
         for made in self.made {
             let took = Duration::try_from_secs_f64(made.seconds).unwrap_or_default();
@@ -79,7 +79,7 @@ impl Gallery<'_> {
         Ok(run.path.join("report.html"))
     }
 
-    /// Whether all numbers meet their bounds, in a sentence.
+    /// A sentence about whether all numbers meet their bounds.
     pub fn verdict(&self) -> Verdict {
         let judged = || self.made.iter().flat_map(|made| &made.checks).filter(|check| is_judged(check));
         let (all, met) = (judged().count(), judged().filter(|check| check.is_met()).count());
@@ -94,7 +94,7 @@ impl Gallery<'_> {
         }
         sentence += ".";
         if self.quick {
-            // The bounds hold for pictures of full size.
+            // The bounds hold only for pictures of full size, so a quick run is not judged by them.
             sentence = "A quick run of small pictures: it shows that everything works, not how well.".into();
         }
         let is_good = short.is_empty() || self.quick;
@@ -138,7 +138,7 @@ fn costs(photos: u64, frames: u64, seconds: f64) -> [String; 3] {
     [photos.to_string(), frames, format!("{seconds:.1}")]
 }
 
-/// The command, with the name of the program instead of its path.
+/// The command line, with the name of the program in place of its path.
 fn named(command: &[Name]) -> String {
     let mut words: Vec<String> = command.iter().map(Name::to_string).collect();
     if let Some(program) = words.first_mut() {
@@ -240,7 +240,7 @@ fn number(check: &Check) -> Number {
     Number { what: check.what.clone(), value: digits(check.value), wanted, outcome }
 }
 
-/// A reproduced figure as JSON, its members in the order of their names. Values that are not finite are null.
+/// A reproduced figure as JSON, with its members in the order of their names. Values that are not finite are null.
 #[derive(Serialize)]
 struct FigureRecord<'a> {
     checks: Vec<CheckRecord<'a>>,
@@ -287,7 +287,7 @@ impl<'a> FigureRecord<'a> {
     }
 }
 
-/// A number with four significant digits; counts are written in full.
+/// A number with four significant digits. Counts are written in full.
 fn digits(value: f64) -> String {
     let text = match value.abs() {
         _ if value.is_nan() => "none".into(),
@@ -303,7 +303,7 @@ fn digits(value: f64) -> String {
     text.replace('-', "\u{2212}")
 }
 
-/// The page. `quick` says that the figures are smaller than the paper's; `command` is the command of the run.
+/// The page in Markdown. `quick` means that the figures are smaller than the paper's figures. `command` is the command of the run.
 fn markdown(made: &[Reproduced], quick: bool, command: &str) -> String {
     let mut page = String::from("# The paper's figures, held to bounds\n\n");
     let version = env!("CARGO_PKG_VERSION");
@@ -356,7 +356,7 @@ fn table_of(page: &mut String, figure: Figure, rigs: [Option<&Reproduced>; 2]) {
     let setting = rigs.iter().flatten().next().map_or("", |one| one.setting.as_str());
     let _ = writeln!(page, "\n## {}\n\n{}\n\nHere: {setting}.\n", figure.title(), figure.statement());
     *page += "| number | wanted | ideal | virtual |\n|---|---|---|---|\n";
-    // Each number appears once, in the order of the first rig. Some numbers belong to one rig only.
+    // Each number has one row, in the order of the first rig. Some numbers exist for one rig only.
     let mut rows: Vec<&Check> = checks[0].iter().collect();
     rows.extend(checks[1].iter().filter(|check| find(checks[0], &check.what).is_none()));
     for row in rows {

@@ -1,4 +1,4 @@
-//! Groups of a segmentation: their pictures, their purity and shape, and the eigenvalues that the light of a fold allows.
+//! Groups of a segmentation: their pictures, purity and shape, and the eigenvalues that the light of a fold can have.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,7 +8,7 @@ use crate::analysis::{MASKED, SegmentOptions, Segmentation};
 use crate::image::Resolution;
 use crate::lab::text::decimal;
 
-/// The options of a segmentation that uses all its photos, from one start. With the resolution, a noisy rig can low-pass its directions.
+/// Options of a segmentation that uses all photos of one starting pattern. With the resolution, a noisy rig's directions can be low-passed.
 pub(super) fn asked(photos: usize, groups: &[usize], resolution: Resolution) -> SegmentOptions {
     SegmentOptions {
         photos,
@@ -20,12 +20,12 @@ pub(super) fn asked(photos: usize, groups: &[usize], resolution: Resolution) -> 
     }
 }
 
-/// The labels of this number of groups; empty if they were not asked for.
+/// The labels for this number of groups; empty if this number was not requested.
 pub(super) fn labels(found: &Segmentation, groups: usize) -> &[u8] {
     found.labels.iter().find(|(of, _)| *of == groups).map_or(&[], |(_, labels)| labels)
 }
 
-/// The photo under white, the groups, and `eigenvectors` eigenvectors after the first, which is constant.
+/// The photo under white, the groups, and `eigenvectors` eigenvectors after the first one, which is constant.
 pub(super) fn panels(stage: &Stage, found: &Segmentation, eigenvectors: usize) -> Vec<Panel> {
     let mut panels = vec![stage.white_panel()];
     for (groups, labels) in &found.labels {
@@ -40,7 +40,7 @@ pub(super) fn panels(stage: &Stage, found: &Segmentation, eigenvectors: usize) -
     panels
 }
 
-/// The share of pixels that belong to the majority region of their group; masked pixels do not count.
+/// The share of pixels that belong to the majority region of their group. Masked pixels are ignored.
 pub(super) fn purity(labels: &[u8], truth: &[u8]) -> f64 {
     let mut counts: BTreeMap<u8, BTreeMap<u8, usize>> = BTreeMap::new();
     for (&label, &region) in labels.iter().zip(truth).filter(|&(&l, &r)| l != MASKED && r != MASKED) {
@@ -51,16 +51,15 @@ pub(super) fn purity(labels: &[u8], truth: &[u8]) -> f64 {
     if all == 0 { f64::NAN } else { most as f64 / all as f64 }
 }
 
-/// How closely groups form horizontal bands.
+/// Measures of how closely groups form horizontal bands.
 pub(super) struct Bands {
-    /// Number of groups that hold the majority of some row of a region. A group that is narrower than half of its region in each row does
-    /// not count.
+    /// The number of groups that are the majority in some row of a region. A group narrower than half of its region in each row is ignored.
     pub(super) count: usize,
-    /// Share of pixels in the majority group of their row and region; 1 if all borders run along the rows.
+    /// The share of pixels in the majority group of their row and region. It is 1 if all borders are along the rows.
     pub(super) share: f64,
 }
 
-/// Evaluates each row of each region separately; masked pixels do not count.
+/// Evaluates each row of each region separately. Masked pixels are ignored.
 pub(super) fn bands(labels: &[u8], truth: &[u8], resolution: Resolution) -> Bands {
     let mut found = BTreeSet::new();
     let (mut agreeing, mut all) = (0_usize, 0_usize);
@@ -83,8 +82,8 @@ pub(super) fn bands(labels: &[u8], truth: &[u8], resolution: Resolution) -> Band
     Bands { count: found.len(), share: agreeing as f64 / all as f64 }
 }
 
-/// Labels of straight bands with borders along the rows: `groups` in total, the same number in each region, with equal light
-/// within a region. `light` is each pixel's light; pixels masked in `truth` or `mask` stay masked.
+/// Labels of straight bands with borders along the rows. There are `groups` bands in total, the same number in each region, with equal
+/// light within a region. `light` is the light of each pixel. Pixels that are masked in `truth` or `mask` stay masked.
 pub(super) fn straight_bands(
     light: &[f64],
     mask: &[bool],
@@ -102,7 +101,7 @@ pub(super) fn straight_bands(
         for row in 0..resolution.height {
             let pixels = row * resolution.width..(row + 1) * resolution.width;
             let here: f64 = pixels.clone().filter(inside).map(|pixel| light[pixel]).sum();
-            // This is the band that contains the middle of this row's light.
+            // A row belongs to the band that contains the middle of the row's light.
             let band = ((above + here / 2.0) / all * bands as f64) as usize;
             for pixel in pixels.filter(inside) {
                 labels[pixel] = (index * bands + band.min(bands - 1)) as u8;
@@ -113,7 +112,7 @@ pub(super) fn straight_bands(
     labels
 }
 
-/// The pixels of each connected component (neighbours share an edge) of the pixels with `label`, largest component first.
+/// The connected components of the pixels with `label`, the largest first. Pixels with a common edge are connected.
 pub(super) fn components(labels: &[u8], label: u8, resolution: Resolution) -> Vec<Vec<usize>> {
     let Resolution { width, height } = resolution;
     let mut seen = vec![false; labels.len()];
@@ -147,12 +146,12 @@ pub(super) fn components(labels: &[u8], label: u8, resolution: Resolution) -> Ve
 }
 
 const ALBEDO: f64 = 0.8;
-/// Bounces between the faces. A path of six surfaces has five; the first of them is the second bounce of the path.
+/// The number of bounces between the faces. A path of six surfaces has five of them; the first is the second bounce of the path.
 const BOUNCES: i32 = 5;
 
-/// `κ(a)` at `a = real + i·imaginary`; its imaginary part vanishes on `real = ½`, and for real `a`.
+/// The value `κ(a)` at `a = real + i·imaginary`. Its imaginary part vanishes on `real = ½`, and for real `a`.
 fn kernel(angle: f64, [real, imaginary]: [f64; 2]) -> f64 {
-    // t = e^x. The integrand falls exponentially at both ends, where the trapezoid rule converges faster than any power of the step.
+    // With t = e^x, the integrand falls exponentially at both ends, so the trapezoid rule converges faster than any power of the step.
     const REACH: f64 = 60.0;
     const STEPS: i32 = 24_000;
     let step = 2.0 * REACH / f64::from(STEPS);
@@ -170,20 +169,20 @@ fn bounced(kernel: f64) -> f64 {
     (1..=BOUNCES).map(|bounce| ALBEDO.powi(bounce - 1) * kernel.powi(bounce)).sum()
 }
 
-/// The eigenvalue of the normalized cut at `a = ½ + iω` of a fold with this opening angle that is sharp at every scale. The edge of its
-/// spectrum is at `ω = 0`.
+/// The eigenvalue of the normalized cut at `a = ½ + iω` for a fold with this opening angle that is sharp at every scale. `ω` is
+/// `frequency`, and the edge of the spectrum is at `ω = 0`.
 ///
-/// A strip at distance `s` from the crease on one face sends this share of its light to the strip at `t` on the other, for the opening
-/// angle `φ`:
+/// Consider a strip at distance `s` from the crease on one face, and a strip at distance `t` on the other face. The first strip sends this
+/// share of its light to the second, for the opening angle `φ`:
 ///
 /// ```text
 /// K(s, t) dt = s t sin²φ / (2 (s² + t² − 2 s t cos φ)^{3/2}) dt
 /// ```
 ///
-/// `K` is homogeneous of degree −1, so that `s^{-a}` is an eigenfunction on the half line, with the eigenvalue `κ(a) = ∫ K(1, t) t^{-a}
-/// dt`. All `a = ½ + iω` fill a continuous spectrum. Global light of albedo `ρ` and up to six bounces is the polynomial `g(κ) = Σ ρ^{b−1}
-/// κ^b`, `b` from 1 to 5. The normalized cut divides it by the value for even light, `g(κ(0))`. `guide/src/concepts/segmentation.md`
-/// explains the consequences.
+/// `K` is homogeneous of degree −1. Hence `s^{-a}` is an eigenfunction on the half line, with the eigenvalue `κ(a) = ∫ K(1, t) t^{-a} dt`.
+/// The values at all `a = ½ + iω` form a continuous spectrum. Global light of albedo `ρ` and up to six bounces is the polynomial
+/// `g(κ) = Σ ρ^{b−1} κ^b` with `b` from 1 to 5. The normalized cut divides it by `g(κ(0))`, the value for even light.
+/// `guide/src/concepts/segmentation.md` explains the consequences.
 pub(super) fn continuous(angle: f64, frequency: f64) -> f64 {
     bounced(kernel(angle, [0.5, frequency])) / bounced(kernel(angle, [0.0, 0.0]))
 }
@@ -203,10 +202,10 @@ mod tests {
     #[test]
     fn bands_span_their_region_and_spots_do_not() {
         let resolution = Resolution::new(4, 2);
-        // Two regions side by side, each with two bands.
+        // Two regions are side by side, and each has two bands.
         let found = bands(&[0, 0, 1, 1, 2, 2, 3, 3], &[0, 0, 1, 1, 0, 0, 1, 1], resolution);
         assert_eq!((found.count, found.share), (4, 1.0));
-        // One region with a spot of one pixel.
+        // This is one region with a spot of one pixel.
         let found = bands(&[0, 7, 0, 0, 0, 0, 0, 0], &[0; 8], resolution);
         assert_eq!((found.count, found.share), (1, 0.875));
         // Left and right halves are not bands.
@@ -250,7 +249,7 @@ mod tests {
     fn the_edge_of_the_zigzag_is_that_of_the_guide() {
         let angle = 2.0 * (0.2_f64 / 0.3).atan();
         assert!((continuous(angle, 0.0) - 0.790).abs() < 5e-4, "{}", continuous(angle, 0.0));
-        // Faster oscillations are farther below.
+        // Eigenvalues of faster oscillations are smaller.
         assert!(continuous(angle, 0.5) < continuous(angle, 0.0));
     }
 }

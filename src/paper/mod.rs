@@ -1,8 +1,8 @@
-//! Reproduction of the paper's figures: scene, number of photos, measured numbers, and the paper's statement about each.
+//! Reproduction of the paper's figures. For each figure: the scene, the number of photos, measured numbers, and the paper's statement.
 //!
-//! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, at the paper's resolutions and numbers of
-//! photos, on our own scenes ([`crate::scene::builtin`]). Each figure is a function of a [`Bench`], which
-//! provides the photos, and returns a [`Reproduced`]: pictures, curves, and numbers with their bounds.
+//! The paper is O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*. Resolutions and numbers of photos are
+//! the paper's; the scenes are our own ([`crate::scene::builtin`]). Each figure is a function of a [`Bench`], which provides the photos. It
+//! returns a [`Reproduced`]: pictures, curves, and numbers with their bounds.
 //!
 //! | figure | shows | here |
 //! |---|---|---|
@@ -15,11 +15,11 @@
 //! | 11 | compensation in focus with five photos | `fig10_11_12` |
 //! | 12 | compensation with a defocused projector, twelve photos | `fig10_11_12` |
 //! | 13 | bit planes of a one-bit projector | `fig13` |
-//! | – | random patterns at equal photos | `random` |
+//! | – | random patterns after equal numbers of photos | `random` |
 //! | – | photos without orthogonalisation | `conditioning` |
 //! | – | the polynomials of equations 1 to 3 | `polynomials` |
-//! | – | camera and projector apart, and exchanged for the transpose | `apart` |
-//! | – | what disparity does to methods for symmetric matrices | `disparity` |
+//! | – | camera and projector apart, and exchanged to photograph the transpose | `apart` |
+//! | – | the effect of disparity on methods for symmetric matrices | `disparity` |
 //!
 //! [`Gallery`] writes the page that shows the figures beside the paper's statements.
 
@@ -48,8 +48,7 @@ pub use bench::{Bench, BenchOptions};
 pub use figure::{Check, Content, Figure, Limit, Panel, Plot, Reproduced, Rig, Strip};
 pub use gallery::Gallery;
 
-/// Reproduces `figure` on `bench`. Fails as tracing, photos and methods do, and with [`crate::Error::Interrupted`] when the
-/// bench's observer stops it.
+/// Reproduces `figure` on `bench`. Fails if a trace, a photo or a method fails; [`crate::Error::Interrupted`] when the observer stops it.
 pub fn reproduce(figure: Figure, bench: &mut Bench) -> Result<Reproduced> {
     let start = std::time::Instant::now();
     let mut made = match figure {
@@ -74,8 +73,7 @@ pub fn reproduce(figure: Figure, bench: &mut Bench) -> Result<Reproduced> {
     Ok(made)
 }
 
-/// Reproduces `figures` on one bench, one after the other, and calls `made` with each figure as soon as it exists. Fails as
-/// [`reproduce`] and `made` do.
+/// Reproduces `figures` one after the other on one bench. Calls `made` with each complete figure. Fails as [`reproduce`] and `made`.
 pub fn reproduce_all(
     figures: &[Figure],
     benches: impl IntoIterator<Item = BenchOptions>,

@@ -1,9 +1,10 @@
-//! The polynomials of the paper's equations 1 to 3: the information about a matrix in `k` photos of a Krylov method.
+//! The polynomials of the paper's equations 1 to 3. They show the information about a matrix in `k` photos of a Krylov method.
 //!
-//! Every vector of the space `span{b, A b, …, A^{k−1} b}` is `q(A) b` for a polynomial `q`. The residual of MINRES and GMRES is `p(A) b`
-//! with `p(0) = 1` and degree `k`. Among such polynomials, `p` gives the least norm: `‖p(A) b‖² = Σ p(λ_i)² (u_iᵀ b)²`. The process ends
-//! when a polynomial vanishes on all eigenvalues that `b` has a part of. This is the minimal polynomial of `A` for `b`. The monic
-//! polynomial of least norm after `k` photos has the Ritz values as its zeros.
+//! Every vector of the Krylov subspace `span{b, A b, …, A^{k−1} b}` is `q(A) b` for a polynomial `q`. The residual of MINRES and GMRES is
+//! `p(A) b` for a polynomial `p` of degree `k` with `p(0) = 1`. Among all such polynomials, `p` minimizes the norm
+//! `‖p(A) b‖² = Σ p(λ_i)² (u_iᵀ b)²`, where `λ_i` and `u_i` are the eigenpairs of `A`. The process ends when `p` vanishes on all
+//! eigenvalues whose eigenvectors have a part in `b`. This `p` is the minimal polynomial of `A` for `b`. The monic polynomial of least
+//! norm after `k` photos has the Ritz values as its zeros.
 
 use super::bench::{Bench, Set, Stage};
 use super::contest::{TargetLight, percent};
@@ -73,7 +74,7 @@ fn curve([low, high]: [f64; 2], of: impl Fn(f64) -> f64) -> Points {
     (0..POINTS).map(|index| (at(index), of(at(index)))).collect()
 }
 
-/// The residual that the devices add to an answer's, measured by one more photo of it.
+/// The residual that the errors of the devices add to a solution's residual, measured by one more photo of the solution.
 fn devices(
     operator: &mut dyn Operator,
     target_light: &TargetLight<'_>,
@@ -104,7 +105,7 @@ fn residual_plot(run: &Run, ends: [f64; 2]) -> Plot {
     Plot::linear(caption, ["eigenvalue λ, W/(m² sr)", "p(λ)"], lines).marked(0.0, "")
 }
 
-/// The share of the target's light in eigenvectors with eigenvalues up to each value, and the share of the eigenvalues themselves.
+/// The plot of two shares of the spectrum up to each eigenvalue: the target's light in the eigenvectors, and the number of eigenvalues.
 fn share_plot(exact: &Spectrum, shares: &[f64], scale: f64) -> Plot {
     let steps = |of: &dyn Fn(usize) -> f64| -> Points {
         let mut sum = 0.0;
@@ -155,9 +156,9 @@ fn monic_plot(run: &Run, largest: f64) -> Plot {
     )
 }
 
-/// A Lanczos process from the target's light, in units of the light itself.
+/// A Lanczos process from the target's light `b`, in units of the light itself.
 struct Run {
-    /// `‖b‖`.
+    /// The norm `‖b‖`.
     length: f64,
     alphas: Vec<f64>,
     betas: Vec<f64>,
@@ -167,7 +168,7 @@ struct Run {
 }
 
 impl Run {
-    /// The process of this number of photos from `b`, read by a rig that gives `unit` for 1 W/(m² sr).
+    /// Runs the process from `b` for this number of photos, on a rig that reads `unit` for 1 W/(m² sr).
     fn of(operator: &mut dyn Operator, b: &[f64], (photos, unit): (usize, f64)) -> Result<Self> {
         let mut process = Factorization::lanczos(b, &[])?;
         for _ in 0..photos {
@@ -178,7 +179,7 @@ impl Run {
         Ok(Self { length: norm(b), alphas, betas, basis: process.basis().to_vec(), unit })
     }
 
-    /// The coefficients `y` of MINRES' answer `V y` after `k` photos: least squares of `‖b‖ e₁ − T y` with `T` of size `(k + 1) × k`.
+    /// The coefficients `y` of the MINRES solution `V y` after `k` photos: least squares of `‖b‖ e₁ − T y` with `T` of size `(k + 1) × k`.
     fn coefficients(&self, k: usize) -> Vec<f64> {
         let rows = faer::Mat::from_fn(k + 1, k, |row, column| match row as isize - column as isize {
             -1 => self.betas[row],
@@ -199,7 +200,7 @@ impl Run {
         answer
     }
 
-    /// `φ_1(λ) … φ_{k+1}(λ)` with `v_j = φ_j(A) b / ‖b‖`, by the three-term recurrence of the process.
+    /// The values `φ_1(λ) … φ_{k+1}(λ)` with `v_j = φ_j(A) b / ‖b‖`, by the three-term recurrence of the process.
     fn basis_polynomials(&self, k: usize, value: f64) -> Vec<f64> {
         let mut found = vec![1.0];
         for j in 0..k {
@@ -209,7 +210,7 @@ impl Run {
         found
     }
 
-    /// `p(λ) = 1 − λ Σ y_j φ_j(λ) / ‖b‖`, the residual polynomial of MINRES after `k` photos.
+    /// The residual polynomial `p(λ) = 1 − λ Σ y_j φ_j(λ) / ‖b‖` of MINRES after `k` photos.
     fn residual_polynomial(&self, k: usize) -> impl Fn(f64) -> f64 {
         let coefficients = self.coefficients(k);
         move |value| {
@@ -224,7 +225,7 @@ impl Run {
         scale * self.basis_polynomials(k, value)[k]
     }
 
-    /// `(‖q_k(A) b‖ / ‖b‖)^{1/k}` of the monic polynomial of each degree: the geometric mean of the `β`s.
+    /// The relative norm `(‖q_k(A) b‖ / ‖b‖)^{1/k}` of the monic polynomial `q_k` of each degree, the geometric mean of the `β`s.
     fn monic_norms(&self) -> Vec<f64> {
         let mut logarithm = 0.0;
         let mean = |(k, beta): (usize, &f64)| {
@@ -246,8 +247,8 @@ impl Run {
     }
 }
 
-/// The largest value on `[smallest, largest]` of the residual polynomial of degree `k` that is least there, by Chebyshev. It is the
-/// guarantee of `k` photos if only the interval of the spectrum is known. 1 if the interval holds 0.
+/// The guarantee after `k` photos if only the interval `[smallest, largest]` of the spectrum is known. By Chebyshev, it is the smallest
+/// possible maximum of a residual polynomial of degree `k` there. It is 1 if the interval contains 0.
 fn chebyshev_bound(largest: f64, smallest: f64, k: usize) -> f64 {
     if smallest <= 0.0 {
         return 1.0;
@@ -261,7 +262,7 @@ mod tests {
     use super::*;
     use crate::operator::{Closure, Symmetry};
 
-    /// `diag(1, 2, 4)` from `(1, 1, 1)`, read by a rig with 10 counts per unit.
+    /// A process for `diag(1, 2, 4)` from `(1, 1, 1)`, on a rig that reads 10 counts per unit.
     fn three_values(photos: usize) -> Result<Run> {
         let mut light = Closure::new(3, 3, Symmetry::Symmetric, |x: &[f64], y: &mut [f64]| {
             y.iter_mut().zip(x).zip([10.0, 20.0, 40.0]).for_each(|((y, x), value)| *y = value * x);
@@ -277,7 +278,7 @@ mod tests {
             let p = run.residual_polynomial(k);
             assert!((p(0.0) - 1.0).abs() < 1e-14, "{}", p(0.0));
             for (value, x) in [1.0, 2.0, 4.0].into_iter().zip(run.answer(k)) {
-                // b is 1 in the units of the light.
+                // Each entry of b is 1 in the units of the light.
                 assert!(
                     (p(value) - (1.0 - value * x)).abs() < 1e-12,
                     "rounding at {value}: {} {x}",
@@ -305,7 +306,7 @@ mod tests {
     #[test]
     fn the_interval_promises_nothing_where_it_holds_zero() {
         assert_eq!(chebyshev_bound(1.0, 0.0, 5), 1.0);
-        // The polynomial of degree 1 on [1, 3] is 1 − λ/2, at most ½.
+        // The polynomial of degree 1 on [1, 3] is 1 − λ/2. Its largest value is ½.
         assert!((chebyshev_bound(3.0, 1.0, 1) - 0.5).abs() < 1e-15);
     }
 }

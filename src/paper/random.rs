@@ -1,9 +1,9 @@
-//! Random patterns at equal photos: the gain of Krylov methods from making each pattern from the earlier photos.
+//! Compares random patterns with Krylov methods, which make each pattern from the earlier photos, after equal numbers of photos.
 //!
-//! The same number of photos is used for two questions. *Which vector parts the sheets of the zigzag?* Random patterns `ω` give photos `y =
-//! N ω` that span a space. An orthonormal basis `Q` of it is photographed in turn, and the leading eigenvector of `Qᵀ N Q` is the answer
-//! (Halko, Martinsson and Tropp, doi:10.1137/090771806). Each random pattern costs two photos. *Which pattern makes the corner look like
-//! the picture?* The answer is the combination of random patterns whose photos add up to the target's light with least squares.
+//! There are two problems. *Which vector separates the sheets of the zigzag?* Random patterns `ω` give photos `y = N ω`, which span a
+//! subspace. Then an orthonormal basis `Q` of this subspace is photographed. The leading eigenvector of `Qᵀ N Q` gives the solution (Halko,
+//! Martinsson and Tropp, doi:10.1137/090771806). Each random pattern costs two photos. *Which pattern makes the corner look like the
+//! picture?* The solution is the combination of random patterns whose photos best approximate the target's light by least squares.
 
 use super::bench::{Bench, Set};
 use super::contest::{MethodRun, TargetLight, clamped, over_frames, percent};
@@ -18,9 +18,9 @@ use crate::transport::Part;
 
 const SIDE: usize = 100;
 const PHOTOS: usize = 50;
-/// Photos of the compensation by a Krylov method.
+/// The number of photos of the compensation by a Krylov method.
 const FEW: usize = 10;
-/// Krylov methods need at most this share of the random patterns' photos.
+/// A Krylov method must need at most this share of the photos that random patterns need.
 const SHARE: f64 = 0.5;
 const SEED: u64 = 7;
 
@@ -39,7 +39,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The distance between the vector that parts the sheets and the true one, by random patterns and by Lanczos.
+/// The error of the vector that separates the sheets, by random patterns and by Lanczos.
 fn parted(bench: &mut Bench, side: usize) -> Result<(Plot, Vec<Check>)> {
     let stage = bench.stage(Set::Zigzag, side)?;
     let reference = {
@@ -48,7 +48,7 @@ fn parted(bench: &mut Bench, side: usize) -> Result<(Plot, Vec<Check>)> {
         let found = lanczos(&mut light, &graph, 8 * PHOTOS)?.pop().map(|(_, vector)| vector);
         found.unwrap_or_default()
     };
-    // Rounding must not make it negative.
+    // The maximum avoids negative values due to rounding.
     let apart = |vector: &[f64]| (1.0 - overlap(vector, &reference)).max(0.0);
     let curve = |found: Vec<(f64, Vec<f64>)>| -> Points {
         found.into_iter().map(|(photos, vector)| (photos, apart(&vector))).collect()
@@ -128,20 +128,21 @@ fn compensation(bench: &mut Bench, side: usize) -> Result<(Vec<Plot>, Vec<Panel>
     Ok((plots, panels, checks))
 }
 
-/// Runs of more photos than this only need their end.
+/// Of a run with more photos than this, only the end is evaluated.
 const EACH: usize = 50;
 
-/// A photo that depends on the earlier ones keeps some 1e-16 of its norm once they are removed. Less than this share is rounding.
+/// The smallest share of a photo's norm that counts as new once the earlier photos are removed. A photo that depends on the earlier photos
+/// keeps about 1e-16 of its norm, which is rounding.
 const ROUNDING: f64 = 1e-10;
 
-/// The graph of exchanged light, by one or two photos.
+/// The graph of exchanged light, from one or two photos.
 pub(super) fn graph(global: &mut dyn Operator) -> Result<Graph> {
     let white = vec![1.0; global.cols()];
     let white = product(global, &white)?;
     Graph::measure(&white, 0.01, 0.0, |pattern| product(global, pattern))
 }
 
-/// The second eigenvector of the normalized cut, on all pixels, after each of this number of photos of the Lanczos process.
+/// The second eigenvector of the normalized cut, on all pixels, after each photo of a Lanczos process with `photos` photos.
 pub(super) fn lanczos(
     global: &mut dyn Operator,
     graph: &Graph,
@@ -153,7 +154,7 @@ pub(super) fn lanczos(
     let mut found = Vec::new();
     for photo in 1..=photos {
         process.expand(&mut cut)?;
-        // A long run only needs the vectors at its end.
+        // For a long run, only the vector at its end is needed.
         if (photos <= EACH || photo == photos)
             && let Some(pair) = process.ritz(Which::LargestAlgebraic, 1)?.first()
         {
@@ -163,11 +164,11 @@ pub(super) fn lanczos(
     Ok(found)
 }
 
-/// The same by random patterns (on all pixels), after every two photos: the photo of a pattern, and the photo of its new basis vector.
+/// The second eigenvector by random patterns, on all pixels, after every two photos: a pattern's photo, and its new basis vector's photo.
 fn sketch(global: &mut dyn Operator, graph: &Graph, patterns: &[Vec<f64>]) -> Result<Vec<(f64, Vec<f64>)>> {
     let known = unit(Cut::Normalized.known_vector(graph));
     let mut cut = CutMatrix::new(global, graph, Cut::Normalized);
-    // The vectors of an orthonormal basis. Each has no image at first; its photo is taken once the vector is made.
+    // The vectors of an orthonormal basis, each with its photo. The photo is empty until the vector is complete.
     let mut basis = vec![[known, Vec::new()]];
     let mut products: Vec<Vec<f64>> = Vec::new();
     let mut found = Vec::new();
@@ -191,12 +192,12 @@ fn sketch(global: &mut dyn Operator, graph: &Graph, patterns: &[Vec<f64>]) -> Re
     Ok(found)
 }
 
-/// Makes the first of two vectors orthogonal to the first vectors of `known`, which are orthonormal, and scales it to norm 1. The second
-/// vector, a linear function of the first, changes in the same way. Returns the norm of the rest of the first vector; if it is 0, nothing
-/// is scaled.
+/// Makes the first vector of `pair` orthogonal to the first vector of each pair in `known`, which must be orthonormal, and scales it to
+/// norm 1. The second vector is a linear function of the first, and changes in the same way. Returns the norm of the first vector before it
+/// is scaled. If this norm is 0, nothing is scaled.
 pub(super) fn make_orthonormal(pair: &mut [Vec<f64>; 2], known: &[[Vec<f64>; 2]]) -> f64 {
     let [vector, image] = pair;
-    // The first pass leaves some of the basis by rounding.
+    // A second pass is necessary, because rounding leaves some of the basis after the first pass.
     for _ in 0..2 {
         for [of, image_of] in known {
             let share = dot(of, vector);
@@ -211,7 +212,7 @@ pub(super) fn make_orthonormal(pair: &mut [Vec<f64>; 2], known: &[[Vec<f64>; 2]]
     left
 }
 
-/// The least-squares combination of `patterns` after each of their photos.
+/// The least-squares combination of `patterns` after each photo.
 fn fitted(
     operator: &mut dyn Adjoint,
     target_light: &TargetLight<'_>,
@@ -220,7 +221,7 @@ fn fitted(
     let mut recorded = Recorded::of_frames(operator);
     let mut left = target_light.wanted();
     let mut entry = MethodRun { pattern: vec![0.0; left.len()], ..MethodRun::default() };
-    // Photos made orthonormal, and the same combinations of patterns.
+    // Each entry has a photo, made orthonormal to the others, and the same linear combination of patterns.
     let mut known: Vec<[Vec<f64>; 2]> = Vec::new();
     for pattern in patterns {
         let mut pair = [product(&mut recorded, pattern)?, pattern.clone()];
@@ -244,7 +245,7 @@ mod tests {
 
     #[test]
     fn a_sketch_of_all_directions_finds_what_lanczos_does() -> Result<()> {
-        // Two pairs of pixels exchange light within each pair, and a little between the pairs.
+        // There are two pairs of pixels. They exchange light within each pair, and a little between the pairs.
         let mut light = Closure::new(4, 4, Symmetry::Symmetric, |x: &[f64], y: &mut [f64]| {
             let pairs = [1, 0, 3, 2];
             let far = [2, 3, 0, 1];

@@ -7,7 +7,7 @@ use crate::krylov::{dot, norm};
 use crate::operator::Operator;
 use crate::sparse::Csr;
 
-/// `A x`, one photo.
+/// The product `A x`, which is one photo.
 pub(super) fn product(operator: &mut dyn Operator, x: &[f64]) -> Result<Vec<f64>> {
     let mut y = vec![0.0; operator.rows()];
     operator.apply(x, &mut y)?;
@@ -64,7 +64,7 @@ fn of_dense(dense: &Mat<f64>) -> Result<Spectrum> {
     let found = dense
         .self_adjoint_eigen(Side::Lower)
         .map_err(|error| Error::Numerical(format!("the dense eigensolver: {error:?}")))?;
-    // The eigenvalues are in ascending order.
+    // The solver's eigenvalues are in ascending order, so they are reversed.
     let values = (0..n).rev().map(|at| found.S().column_vector()[at]).collect();
     let vector = |at: usize| (0..n).map(|row| found.U()[(row, at)]).collect();
     Ok(Spectrum { values, vectors: (0..n).rev().map(vector).collect() })
@@ -93,8 +93,8 @@ fn no_svd(error: faer::linalg::solvers::SvdError) -> Error {
     Error::Numerical(format!("the dense SVD: {error:?}"))
 }
 
-/// The condition number `σ_max / σ_min` of the matrix of the first `k` of these vectors, each scaled to norm 1, for `k` from 1 to all.
-/// Infinite if they are linearly dependent.
+/// The condition numbers `σ_max / σ_min` of the matrix of the first `k` vectors, each scaled to norm 1, for `k` from 1 to all. A number is
+/// infinite if its vectors are linearly dependent.
 pub(super) fn conditions(vectors: &[Vec<f64>]) -> Result<Vec<f64>> {
     let (rows, columns) = (vectors.first().map_or(0, Vec::len), vectors.len());
     let norms: Vec<f64> = vectors.iter().map(|vector| norm(vector)).collect();
@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn spectrum_of_two_coupled_pixels() -> Result<()> {
-        // [[2, 1], [1, 2]] has the eigenvalues 3, with (1, 1), and 1.
+        // The matrix [[2, 1], [1, 2]] has the eigenvalues 3 and 1. The eigenvector of 3 is (1, 1).
         let matrix = Csr::new(2, vec![0, 2, 4], vec![0, 1, 0, 1], vec![2.0, 1.0, 1.0, 2.0])?;
         for found in [spectrum(&matrix)?, spectrum_of_rows(&[vec![2.0, 0.5], vec![1.5, 2.0]])?] {
             assert!((found.values[0] - 3.0).abs() < 1e-14, "rounding of a 2×2 matrix: {:?}", found.values);
@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     fn singular_triplets_of_a_shear() -> Result<()> {
-        // [[0, 2], [0, 0]] sends light from the projector's second pixel to the camera's first.
+        // The matrix [[0, 2], [0, 0]] sends light from the projector's second pixel to the camera's first.
         let found = singular_triplets(&Csr::new(2, vec![0, 1, 1], vec![1], vec![2.0])?, 5)?;
         assert_eq!(found.values.len(), 2);
         assert!((found.values[0] - 2.0).abs() < 1e-15 && found.values[1].abs() < 1e-15, "{:?}", found.values);

@@ -16,14 +16,14 @@ pub(super) struct Axis {
 
 pub(super) struct Tick {
     pub value: f64,
-    /// The text, or an empty string for an unlabelled grid line between labelled ticks.
+    /// The text of the tick. An unlabelled grid line between labelled ticks has an empty string.
     pub label: String,
 }
 
 impl Axis {
-    /// The axis around all plottable `values`, widened to round numbers, with about `wanted` labelled ticks. `None` without such values.
+    /// The axis around all plottable `values`, extended to round numbers, with about `wanted` labelled ticks; `None` without such values.
     pub fn around(scale: Scale, values: impl Iterator<Item = f64>, wanted: usize) -> Option<Self> {
-        // Numbers near the ends of the range of `f64` would overflow when they are rounded to a tick.
+        // Numbers near the ends of the range of `f64` are left out, since they would overflow when they are rounded to a tick.
         let placed = values.filter(|&value| match scale {
             Scale::Linear => value.abs() < 1e300,
             Scale::Log => (1e-300..1e300).contains(&value),
@@ -41,7 +41,7 @@ impl Axis {
 
     fn linear(mut low: f64, mut high: f64, wanted: usize) -> Self {
         let size = low.abs().max(high.abs());
-        // Values that agree to nine digits count as one: tick labels could not distinguish them.
+        // Values that agree to nine digits count as equal, since tick labels could not distinguish them.
         if high - low <= 1e-9 * size {
             let margin = if size == 0.0 { 1.0 } else { 0.1 * size };
             (low, high) = (low - margin, high + margin);
@@ -59,7 +59,7 @@ impl Axis {
     }
 
     fn logarithmic(low: f64, high: f64, wanted: usize) -> Self {
-        // The ends are rounded to 1, 2 or 5 times a power of ten, since a whole decade for values just above 1 would be mostly empty.
+        // The ends are rounded to 1, 2 or 5 times a power of ten. A whole decade would be mostly empty for values just above 1.
         let (low, high) = (1.0 / round_step(1.0 / low, 1.0), round_step(high, 1.0));
         let (low, high) = if high > low { (low, high) } else { (low / 10.0, high * 10.0) };
         let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
@@ -97,7 +97,7 @@ impl Axis {
             Scale::Log if value > 0.0 => (value / self.low).ln() / (self.high / self.low).ln(),
             Scale::Log => return None,
         };
-        // A small tolerance keeps values on the frame.
+        // The small tolerance keeps values that are exactly at an end of the axis.
         (-1e-6..=1.0 + 1e-6).contains(&along).then_some(along)
     }
 }
@@ -121,7 +121,7 @@ fn linear_label(value: f64, step: f64, decimals: usize) -> String {
     text.replace('-', "\u{2212}")
 }
 
-/// Rounds `value` to `digits` digits after the leading one, which removes the rounding error of multiplying by a step.
+/// Rounds `value` to `digits` digits after the leading digit. This removes the rounding error of a multiplication by the step.
 fn round_to_digits(value: f64, digits: usize) -> f64 {
     format!("{value:.digits$e}").parse().unwrap_or(value)
 }

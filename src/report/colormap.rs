@@ -1,4 +1,4 @@
-//! Colour maps: a signed one for eigenvectors and a sequential one for amounts.
+//! Colour maps: a signed map for eigenvectors, and a sequential map for amounts.
 
 use std::sync::LazyLock;
 
@@ -10,7 +10,8 @@ pub use crate::io::raster::NOT_A_NUMBER;
 use crate::io::raster::Raster;
 use crate::io::raster::{decode_srgb, encode_srgb};
 
-/// The largest 0.5 % of the values may saturate, so that single bright pixels do not compress the range of the others.
+/// The quantile that defines a colour map's range. A few brighter pixels may saturate, so that they do not compress the range of the
+/// others.
 const RANGE_PERCENTILE: f64 = 0.995;
 
 /// Colours from −1 (blue) over 0 (near white) to 1 (vermilion), darker towards both ends. Colour-blind readers can distinguish them.
@@ -24,10 +25,10 @@ const SIGNED_STOPS: [[u8; 3]; 7] = [
     [0x6b, 0x1b, 0x0b],
 ];
 
-/// Interpolation steps between two stops; each changes a channel by at most one level.
+/// The interpolation steps between two stops. Each step changes a channel by at most one level.
 const STEPS: usize = 512;
 
-/// The interpolated signed map, computed once because the interpolation costs more than the rest of a pixel's work.
+/// The interpolated signed map. It is computed once, because the interpolation would take most of the time per pixel.
 static SIGNED: LazyLock<Vec<[u8; 3]>> = LazyLock::new(|| {
     let stops =
         SIGNED_STOPS.map(|stop| oklab_from_linear(stop.map(|byte| decode_srgb(f32::from(byte) / 255.0))));
@@ -72,7 +73,7 @@ pub fn sequential_color(value: f64) -> [u8; 3] {
     })
 }
 
-/// The absolute value that ±1 of [`signed_color`] stands for. It is the 99.5th percentile, so that outliers do not count.
+/// The absolute value that is shown as ±1 by [`signed_color`]. It is the 99.5th percentile, so outliers have no influence.
 ///
 /// `mask`, if given, is `true` at pixels to leave out. The result is 1 if every value is zero, NaN or masked.
 pub fn robust_range(values: &[f64], mask: Option<&[bool]>) -> f64 {
@@ -81,14 +82,14 @@ pub fn robust_range(values: &[f64], mask: Option<&[bool]>) -> f64 {
     };
     let sizes: Vec<f64> = values.iter().enumerate().filter(kept).map(|(_, value)| value.abs()).collect();
     let largest = sizes.iter().copied().fold(0.0, f64::max);
-    // An image with more than 99.5 % zeros is sparse, so its nonzero values are not outliers.
+    // The fallback is for images with more than 99.5 % zeros. They are sparse, so their nonzero values are not outliers.
     raster::percentile(sizes, RANGE_PERCENTILE).filter(|&range| range > 0.0).unwrap_or(match largest {
         0.0 => 1.0,
         largest => largest,
     })
 }
 
-/// Paints signed values (`w·h`, row by row): 0 is neutral, ±`range` are the ends of the map. `mask` as in [`robust_range`].
+/// Paints signed values (`w·h`, row by row). 0 is neutral, and ±`range` are the ends of the colour map. `mask` is as in [`robust_range`].
 ///
 /// # Errors
 /// [`Error::Dimension`] when the number of values or of mask entries differs from the number of pixels.
@@ -101,14 +102,14 @@ pub fn paint_signed(
     paint(resolution, values, mask, |value| signed_color(value / range))
 }
 
-/// Paints amounts (`w·h`, row by row): `low` is dark violet, `high` is yellow. `mask` and errors are as in [`paint_signed`].
+/// Paints amounts (`w·h`, row by row). `low` is dark violet, and `high` is yellow. `mask` and errors are as in [`paint_signed`].
 pub fn paint_sequential(
     resolution: Resolution,
     values: &[f64],
     mask: Option<&[bool]>,
     (low, high): (f64, f64),
 ) -> Result<Raster> {
-    // A constant image has no range; all its pixels get the colour of `low`.
+    // A constant image has no range, so all its pixels have the colour of `low`.
     let span = if high > low { high - low } else { f64::INFINITY };
     paint(resolution, values, mask, |value| sequential_color((value - low) / span))
 }
@@ -132,7 +133,8 @@ fn paint(
     Ok(Raster::from_pixels(resolution, pixels))
 }
 
-/// Linear sRGB of a colour of Oklab, in which equal distances look equal, `[L, a, b]` (Björn Ottosson, *A perceptual color space for image processing*).
+/// The linear sRGB colour of `[L, a, b]` in Oklab (Björn Ottosson, *A perceptual color space for image processing*). In Oklab, equal
+/// distances look equal.
 pub(super) fn linear_from_oklab([lightness, a, b]: [f32; 3]) -> [f32; 3] {
     let long = (lightness + 0.396_337_78 * a + 0.215_803_76 * b).powi(3);
     let medium = (lightness - 0.105_561_346 * a - 0.063_854_17 * b).powi(3);
@@ -198,7 +200,7 @@ mod tests {
 
     #[test]
     fn viridis_starts_violet_and_ends_yellow() {
-        // Matplotlib's viridis ends at (68, 1, 84) and (253, 231, 37); the polynomial is within a few levels.
+        // Matplotlib's viridis ends at (68, 1, 84) and (253, 231, 37). The polynomial differs from it by a few levels.
         for (value, expected) in [(0.0, [68, 1, 84]), (0.5, [33, 145, 140]), (1.0, [253, 231, 37])] {
             for (level, wanted) in sequential_color(value).into_iter().zip(expected) {
                 assert!(level.abs_diff(wanted) <= 6, "{value}: {:?}", sequential_color(value));

@@ -9,10 +9,10 @@ use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::io::raster::{Raster, develop, exposure};
 
-/// The maximum number of photos on a page. A longer run shows its first photos.
+/// The maximum number of photos on a page. A page with a longer run shows only the first photos.
 pub const LONGEST: usize = 512;
 
-/// A run's patterns and photos, kept as small pictures while they are taken.
+/// The patterns and photos of a run, reduced to small pictures as they are taken.
 #[derive(Clone, Debug)]
 pub struct ContactSheet {
     sizes: [Resolution; 2],
@@ -27,8 +27,8 @@ impl ContactSheet {
         Self { sizes, channels: channels.max(1), counts: vec![0; channels.max(1)], shots: Vec::new() }
     }
 
-    /// Adds a channel's pattern and photo, each of which may be signed. The `k`-th photos of all channels form the `k`-th colour photo.
-    /// `dual` says that the pattern is on the camera's side (a product with the transpose). Fails if there is not one value per pixel.
+    /// Adds a channel's pattern and photo. Both may have negative values. The `k`-th photos of all channels form the `k`-th colour photo.
+    /// `dual` marks a pattern on the camera's side (a product with the transpose). Fails unless there is one value per pixel.
     pub fn push(&mut self, channel: usize, pattern: &[f64], photo: &[f64], dual: bool) -> Result<()> {
         let channel = channel.min(self.channels - 1);
         let index = self.counts[channel];
@@ -57,7 +57,7 @@ impl ContactSheet {
         self.len() == 0
     }
 
-    /// All pictures on one sheet, each with a separate exposure. Each photo's label gives the value of its brightest colour.
+    /// All pictures on one sheet, each with a separate exposure. The label of each photo gives the value of its brightest colour.
     ///
     /// # Errors
     /// [`crate::Error::Dimension`] when there is no photo.
@@ -65,7 +65,7 @@ impl ContactSheet {
         sheet(&self.shots)
     }
 
-    /// The page section with the sheet; `None` without photos. `unit` is the photos' unit, `order` explains their order.
+    /// The page section with the sheet. `None` without photos. `unit` is the unit of the photos, and `order` explains their order.
     pub fn section(&self, unit: &str, order: &str) -> Result<Option<Section>> {
         if self.is_empty() {
             return Ok(None);
@@ -93,10 +93,10 @@ pub const SIGNED: &str = "What is negative is blue, what is positive red: a rig 
 
 const ROW: usize = 16;
 
-/// The maximum number of photos at full thumbnail size. With more photos, each side is halved.
+/// The maximum number of photos at full thumbnail size. If there are more photos, each side of a thumbnail is halved.
 const LARGE: usize = 128;
 
-/// All pictures in one, of which a browser decodes one image instead of hundreds.
+/// All pictures on one sheet. A browser then decodes one image instead of hundreds.
 fn sheet(shots: &[[Thumb; 2]]) -> Result<Sheet> {
     let side = if shots.len() > LARGE { SIDE / 2 } else { SIDE };
     let paint = |shot: &[Thumb; 2]| {
@@ -144,7 +144,7 @@ struct Thumb {
 }
 
 impl Thumb {
-    /// A black thumbnail; channels that are not set stay black.
+    /// A black thumbnail. Channels that are not set later stay black.
     fn black(size: Resolution, channels: usize) -> Self {
         let size = reduced(size, factor(size, SIDE));
         Self { size, planes: vec![vec![0.0; size.pixels()]; channels] }
@@ -165,7 +165,7 @@ impl Thumb {
         }
     }
 
-    /// The picture and the value of its brightest colour. Light is developed; if any value is negative, the signed colour map is used.
+    /// The picture, and the value of its brightest colour. Light is developed. If any value is negative, the signed colour map is used.
     fn paint(&self) -> Result<(Raster, f64)> {
         if self.planes.iter().flatten().any(|&value| value < 0.0) {
             let values = mean(&self.planes);
@@ -187,7 +187,7 @@ fn reduced(size: Resolution, factor: usize) -> Resolution {
     Resolution::new(size.width.div_ceil(factor), size.height.div_ceil(factor))
 }
 
-/// Means of blocks of `factor × factor` pixels; blocks at the right and lower edge may be smaller.
+/// Means of blocks of `factor × factor` pixels. Blocks at the right and lower edge may be smaller.
 fn averaged(size: Resolution, factor: usize, values: &[f64]) -> Vec<f64> {
     if factor == 1 {
         return values.to_vec();

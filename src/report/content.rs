@@ -1,4 +1,4 @@
-//! An answer as named arrays and facts, the source of files, summary, attributes in Python and lines on the terminal.
+//! An answer as named arrays and facts. Files, the summary, Python attributes and the lines on the terminal are made from them.
 
 use std::borrow::Cow;
 use std::fmt::Display;
@@ -25,7 +25,7 @@ pub struct Content<'a> {
 pub struct Array<'a> {
     /// The name of the file and of the attribute in Python.
     pub name: &'static str,
-    /// The number that distinguishes arrays of one name, if there are several. The file is `NAME-KEY.npy`, and the attribute is a dictionary.
+    /// The number that distinguishes arrays of equal names. With it, the file is `NAME-KEY.npy`, and the attribute is a dictionary.
     pub key: Option<usize>,
     /// The shape.
     pub shape: Vec<usize>,
@@ -74,12 +74,12 @@ values!(F64 of f64, F32 of f32, U8 of u8, Bool of bool);
 struct Fact {
     name: &'static str,
     value: serde_json::Value,
-    /// Whether the summary of `--json` contains it.
+    /// Whether the summary of `--json` contains the fact.
     is_told: bool,
 }
 
 impl<'a> Content<'a> {
-    /// Adds an array that is written to `NAME.npy`, or with a key to `NAME-KEY.npy`.
+    /// Adds an array that is written to `NAME.npy`. With a key, the file is `NAME-KEY.npy`.
     pub fn array(
         &mut self,
         name: &'static str,
@@ -130,7 +130,7 @@ impl<'a> Content<'a> {
         self.facts.push(Fact { name, value: json(value), is_told: true });
     }
 
-    /// Adds a fact for programs that the summary omits.
+    /// Adds a fact for programs. The summary omits it.
     pub fn detail(&mut self, name: &'static str, value: impl Serialize) {
         self.facts.push(Fact { name, value: json(value), is_told: false });
     }
@@ -176,7 +176,7 @@ pub(crate) fn shape(size: Resolution, channels: usize) -> Vec<usize> {
     [size.height, size.width].into_iter().chain((channels > 1).then_some(channels)).collect()
 }
 
-/// A value as JSON. A map with keys other than strings, which no answer has, becomes null.
+/// A value as JSON. A map becomes null if its keys are not strings, but no answer has such a map.
 fn json(value: impl Serialize) -> serde_json::Value {
     serde_json::to_value(value).unwrap_or_default()
 }

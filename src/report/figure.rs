@@ -1,4 +1,4 @@
-//! The figures of a page for light, errors, amounts and groups: a picture with the meaning of its colours, and its values.
+//! The figures of a page for light, errors, amounts and groups. Each is a picture with the meaning of its colours, and its values.
 
 use super::colormap::{paint_sequential, paint_signed, robust_range};
 use super::html::{Figure, Kind, Legend, Values};
@@ -7,14 +7,14 @@ use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::io::raster::{Raster, develop};
 
-/// A photo in `unit`, developed with exposure `scale`; the colour bar of a colour photo shows its grays.
+/// A photo in `unit`, developed with exposure `scale`. The colour bar of a colour photo shows the gray values.
 pub(crate) fn light(image: &Image, scale: f32, unit: &str, caption: impl Into<String>) -> Result<Figure> {
     let white = 1.0 / f64::from(scale);
     let painted = (develop(image, scale), Legend::light(white).with_unit(unit));
     figure(painted, Values::of_light(image, white, unit), caption)
 }
 
-/// A pattern; its values are fractions of the projector's white.
+/// A pattern. Its values are fractions of the projector's white.
 pub(crate) fn pattern(image: &Image, caption: impl Into<String>) -> Result<Figure> {
     light(image, 1.0, "of the projector's white", caption)
 }
@@ -54,7 +54,7 @@ pub(crate) fn sequential(
     figure(painted, Values::of_numbers(size, Kind::Number, values, unit), caption)
 }
 
-/// Numbers of groups.
+/// The number of each pixel's group.
 pub(crate) fn labels(size: Resolution, labels: &[u8], caption: impl Into<String>) -> Result<Figure> {
     let painted = (paint_labels(size, labels), Legend::of_labels(labels));
     figure(painted, Values::of_labels(size, labels), caption)
@@ -70,7 +70,7 @@ pub(crate) fn figure(
     Ok(Figure { png, caption, legend, values: Some(values), ..Figure::default() })
 }
 
-/// Allows each of the named figures to be flipped with the others.
+/// Allows the reader to switch between the named figures in place.
 pub(crate) fn flip(figures: &mut [Figure], names: &[&str]) {
     for figure in figures.iter_mut().filter(|figure| names.contains(&figure.name.as_str())) {
         let others = names.iter().filter(|name| **name != figure.name);

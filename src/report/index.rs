@@ -18,15 +18,15 @@ const DEEPEST: usize = 4;
 /// A run that the search found.
 #[derive(Clone, Debug)]
 pub struct FoundRun {
-    /// Its folder, relative to the searched one.
+    /// The run's folder, relative to the searched folder.
     pub folder: PathBuf,
-    /// Its record, or the reason why it cannot be read.
+    /// The run's record, or the reason why it cannot be read.
     pub record: std::result::Result<RunManifest, String>,
-    /// Whether it has a page.
+    /// Whether the run has a report page.
     pub has_page: bool,
 }
 
-/// The runs below a folder, with the last started first. Folders inside a run and links are not searched. Fails with [`Error::Read`].
+/// The runs below a folder, the last started run first. Links and folders inside a run are not searched. Fails with [`Error::Read`].
 pub fn find(folder: &Path) -> Result<Vec<FoundRun>> {
     let mut runs = Vec::new();
     look_through(folder, Path::new(""), DEEPEST, &mut runs)?;
@@ -41,7 +41,7 @@ fn look_through(root: &Path, below: &Path, depth: usize, runs: &mut Vec<FoundRun
     let entries = std::fs::read_dir(&folder).map_err(Error::reading(&folder))?;
     for entry in entries {
         let entry = entry.map_err(Error::reading(&folder))?;
-        // Links may form cycles.
+        // Links are not followed, because they may form cycles.
         let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
         if !is_folder || entry.file_name().to_string_lossy().starts_with('.') {
             continue;
@@ -52,14 +52,14 @@ fn look_through(root: &Path, below: &Path, depth: usize, runs: &mut Vec<FoundRun
             let record = RunManifest::read(&path.join("run.json")).map_err(|error| error.to_string());
             runs.push(FoundRun { folder: below, record, has_page: path.join("report.html").is_file() });
         } else if depth > 1 {
-            // An unreadable folder is skipped, since its runs could not be shown.
+            // An unreadable subfolder is skipped, since its runs could not be shown.
             let _ = look_through(root, &below, depth - 1, runs);
         }
     }
     Ok(())
 }
 
-/// Writes the page into the searched folder, with [`Error::Write`] on failure. A link in place of the page is refused.
+/// Writes the page into the searched folder. A link in place of the page is refused. Fails with [`Error::Write`].
 pub fn write(folder: &Path, runs: &[FoundRun]) -> Result<PathBuf> {
     file::follow_no_links_below(folder);
     let path = folder.join(NAME);
@@ -102,7 +102,7 @@ fn outcome(run: &FoundRun) -> Outcome {
 }
 
 fn card(root: &Path, run: &FoundRun) -> RunCard {
-    // Addresses contain slashes on every system.
+    // Addresses contain slashes on every system, so the path is joined by slashes.
     let parts: Vec<_> = run.folder.iter().map(|part| part.to_string_lossy()).collect();
     let folder = parts.join("/");
     let page = if run.has_page { format!("{folder}/report.html") } else { String::new() };
@@ -143,7 +143,7 @@ fn facts(record: &RunManifest) -> Vec<(String, String)> {
     facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
-/// The existing picture that shows the run best.
+/// The existing picture that represents the run best.
 fn picture(folder: &Path, record: &RunManifest) -> Option<String> {
     const BEST: [&str; 8] =
         ["labels-", "observed", "relit-", "direct.", "probed", "eigenvector-02", "eigenvector-01", "white"];

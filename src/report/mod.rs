@@ -5,7 +5,7 @@
 //! | `report.html` | [`html`], with plots from [`plot`] and [`scatter`] |
 //! | colours of values and of groups | [`colormap`], [`palette`] |
 //! | contact sheet of all photos of a run | [`contact_sheet`] |
-//! | the kit of pages: sections, figures, files | [`run`] |
+//! | parts of every page: sections, figures, files | [`run`] |
 //! | live images in an external viewer | [`viewer`] |
 //! | a page over many runs | [`index`] |
 //! | scripts of pages | [`web`] |

@@ -11,7 +11,7 @@ pub const MASKED: [u8; 3] = [0x3c, 0x3c, 0x40];
 /// The label of a pixel without a group.
 pub const MASKED_LABEL: u8 = 255;
 
-/// Colours that most colour-blind readers can distinguish: Okabe and Ito's seven, then five of Paul Tol's "muted" scheme.
+/// Colours that most colour-blind readers can distinguish: seven by Okabe and Ito, then five from Paul Tol's "muted" scheme.
 const HAND_PICKED: [[u8; 3]; 12] = [
     [0x00, 0x72, 0xb2],
     [0xe6, 0x9f, 0x00],
@@ -41,7 +41,7 @@ pub fn label_color(label: u8) -> [u8; 3] {
     let step = usize::from(label) - HAND_PICKED.len();
     let hue = step as f32 * GOLDEN_ANGLE;
     let lightness = LIGHTNESS[step % LIGHTNESS.len()];
-    // The most saturated sRGB colour of this hue and lightness, with chroma up to 0.13.
+    // The chroma is the largest that sRGB has at this hue and lightness, up to 0.13.
     let saturation = (0..=13).rev().map(|hundredths| hundredths as f32 / 100.0);
     let color = saturation
         .map(|chroma| linear_from_oklab([lightness, chroma * hue.cos(), chroma * hue.sin()]))
@@ -66,8 +66,9 @@ impl Default for Palette {
 }
 
 impl Palette {
-    /// Colours for `labels` that match a picture of `reference` with this palette. The group that shares the most pixels with a region of
-    /// the reference takes its colour, and the next group takes that of another region. The rest take colours unused in the reference.
+    /// Colours for `labels` that match a picture of `reference` in this palette. The group with the most pixels in common with a region of
+    /// the reference takes the colour of this region. Then the next group takes the colour of another region, and so on. The groups that
+    /// are left take colours that the reference does not use.
     #[must_use]
     pub fn matched(&self, reference: &[u8], labels: &[u8]) -> Self {
         let mut shared = vec![0_usize; 256 * 256];
@@ -78,7 +79,7 @@ impl Palette {
         }
         let mut pairs: Vec<(usize, usize)> = (0..shared.len()).map(|at| (shared[at], at)).collect();
         pairs.retain(|(pixels, _)| *pixels > 0);
-        // The largest pair comes first. Among equal pairs, the group with the lower number comes first.
+        // The pair with the most pixels comes first. Among equal pairs, the group with the lower number comes first.
         pairs.sort_by_key(|&(pixels, at)| (std::cmp::Reverse(pixels), at));
         let mut color_of = [None; 256];
         let mut is_taken = [false; 256];
@@ -89,7 +90,7 @@ impl Palette {
                 is_taken[usize::from(color)] = true;
             }
         }
-        // Colours of regions without a group stay unused, as long as there are other colours.
+        // The colours of regions without a group are used only if there are no other colours.
         let of_reference: Vec<u8> = reference
             .iter()
             .filter(|&&region| region != MASKED_LABEL)
@@ -136,13 +137,13 @@ mod tests {
     #[test]
     fn groups_have_the_colors_of_the_regions_that_they_share_most_pixels_with() {
         let truth = [0, 0, 0, 1, 1, 1, 2, 2, 255];
-        // Group 0 is region 1, group 1 is region 2, group 2 is most of region 0, and group 3 is a small part of it.
+        // Group 0 is region 1, and group 1 is region 2. Group 2 is most of region 0, and group 3 is a small part of region 0.
         let found = [2, 2, 3, 0, 0, 0, 1, 1, 255];
         let palette = Palette::default().matched(&truth, &found);
         assert_eq!([0, 1, 2].map(|label| palette.color(label)), [1, 2, 0].map(label_color));
         assert_eq!(palette.color(3), label_color(3), "a colour that no region has");
         assert_eq!(palette.color(MASKED_LABEL), MASKED);
-        // If two groups lie in one region, the larger one takes its colour.
+        // If two groups are in one region, the larger group takes the colour of the region.
         let halves = palette.matched(&found, &[4, 4, 4, 5, 5, 6, 7, 7, 7]);
         assert_eq!([4, 5, 7].map(|label| halves.color(label)), [0, 1, 2].map(label_color));
         let colors: std::collections::HashSet<_> = [4, 5, 6, 7].map(|label| halves.color(label)).into();

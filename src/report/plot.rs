@@ -8,10 +8,10 @@ use super::svg::{Chart, Layout, nothing_to_plot};
 const COLORS: [&str; 8] =
     ["#2b87c4", "#dd6b1f", "#149a74", "#c671a3", "#d99c0b", "#7a6fd0", "#5cb8e6", "#8b8b35"];
 
-/// The dash patterns. Each is used for one round through the colours.
+/// The dash patterns. The first pattern is used once for each colour, then the second, and so on.
 const DASHES: [&str; 3] = ["", "7 5", "2 5"];
 
-/// The maximum number of points at which a line is drawn with dots.
+/// A line is drawn with dots if it has at most this number of points.
 const MOST_DOTS: usize = 48;
 
 /// Lines over a common axis, e.g. the relative residual of each method over its photos.
@@ -23,13 +23,13 @@ pub struct LinePlot {
     pub y_label: String,
     /// Whether the vertical axis is logarithmic.
     pub logarithmic: bool,
-    /// The lines; a legend names them if there are several.
+    /// The lines. If there are several, a legend names them.
     pub series: Vec<Series>,
     /// Dashed horizontal lines with a note, e.g. the noise floor.
     pub marks: Vec<(f64, String)>,
 }
 
-/// A plot of lines over `[x, y]`, the labels of a linear and a logarithmic axis.
+/// A line plot as a block of the page. `x` and `y` are the labels of the linear and the logarithmic axis.
 pub(crate) fn lines([x, y]: [&str; 2], series: Vec<Series>, caption: &str) -> Block {
     let plot =
         LinePlot { x_label: x.into(), y_label: y.into(), logarithmic: true, series, marks: Vec::new() };
@@ -46,7 +46,7 @@ pub(crate) fn line(name: impl Into<String>, points: impl Iterator<Item = (f64, f
 pub struct Series {
     /// Name in the legend.
     pub name: String,
-    /// Points (x, y). NaN leaves a gap, as do values ≤ 0 on a logarithmic axis.
+    /// The points (x, y). NaN leaves a gap, and so does a value ≤ 0 on a logarithmic axis.
     pub points: Vec<(f64, f64)>,
 }
 
@@ -71,7 +71,7 @@ impl LinePlot {
         chart.finish()
     }
 
-    /// A small plot for each line, with its name. All have the same axes, and show the other lines as shadows.
+    /// A small plot for each line, with the name of the line. All plots have the same axes. Each shows the other lines as shadows.
     pub fn small_multiples(&self) -> Vec<(String, String)> {
         let small = |(index, series): (usize, &Series)| {
             let Some(axes) = self.axes(3) else { return (series.name.clone(), nothing_to_plot()) };
@@ -101,7 +101,7 @@ impl LinePlot {
 }
 
 impl Series {
-    /// The pieces of the line between its gaps, in the drawing's units.
+    /// The points of the line, split at its gaps, in the units of the drawing.
     fn runs(&self, chart: &Chart) -> Vec<Vec<(f64, f64)>> {
         let places: Vec<_> = self.points.iter().map(|&point| chart.place(point)).collect();
         places.split(Option::is_none).map(|run| run.iter().flatten().copied().collect()).collect()
@@ -129,7 +129,7 @@ pub struct StemPlot {
     pub x_label: String,
     /// Label of the vertical axis, with unit.
     pub y_label: String,
-    /// The values in order; the first has number 1.
+    /// The values in order. The first value has number 1.
     pub values: Vec<f64>,
     /// Half the length of each value's error bar. There may be fewer entries than `values`, or none.
     pub errors: Vec<f64>,
@@ -172,7 +172,7 @@ impl StemPlot {
             chart.segment(base, top, COLORS[0], 2.0, 0.45);
             let bar = [value - error(index), value + error(index)].map(|end| chart.place((number, end)));
             if let [Some(low), Some(high)] = bar
-                // A dot would hide a shorter bar.
+                // A shorter error bar is not drawn, since the dot would hide it.
                 && low.1 - high.1 > 9.0
             {
                 chart.segment(low, high, COLORS[1], 2.0, 1.0);

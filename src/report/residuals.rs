@@ -5,10 +5,10 @@ use std::fmt::Write;
 use super::html::Block;
 use super::plot::{LinePlot, Series};
 
-/// Number of photos, and the residual after them.
+/// A number of photos, and the residual after these photos.
 pub(crate) type Row = (usize, f64);
 
-/// Content of `residuals.csv`; `count` is the header of the first column.
+/// The content of `residuals.csv`. `count` is the header of the first column.
 pub(crate) fn csv(count: &str, history: &[Row]) -> String {
     let mut text = format!("{count},relative_residual\n");
     for (photo, residual) in history {

@@ -1,4 +1,4 @@
-//! Parts shared by the pages and folders of all runs.
+//! The parts that the pages and folders of all runs have in common.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use crate::io::manifest::{Independent, ProductsOn};
 use crate::io::{atomic, npy, picture};
 use crate::measure::{DirectBy, MeasureOptions, RigRecord, RunManifest};
 
-/// The page of an answer and the files beside it, while they are written.
+/// The page of an answer, and the files beside it. Both are still being written.
 #[derive(Debug)]
 pub struct AnswerPage<'a> {
     /// The title.
@@ -31,10 +31,10 @@ pub struct AnswerPage<'a> {
     pub unit: String,
     /// The contact sheet of all photos; `None` if there are no photos to show.
     pub strip: Option<ContactSheet>,
-    /// Whether a page with the matrix exists beside this one, or will be written. It shows the rows that this page cannot hold.
+    /// Whether a page with the matrix exists beside this page, or will be written. That page shows rows that this page is too small for.
     pub has_paint: bool,
     pub(crate) files: Files<'a>,
-    /// Facts of the verb itself, which are placed after those of the rig.
+    /// Facts of the verb itself. They are placed after the facts of the rig.
     pub(crate) facts: Vec<(&'static str, String)>,
     pub(crate) sections: Vec<Section>,
 }
@@ -50,7 +50,7 @@ impl AnswerPage<'_> {
         self.sections.push(Section { title: title.into(), text: text.into(), blocks: blocks.into() });
     }
 
-    /// Adds the section with the contact sheet; `order` explains the order of its photos.
+    /// Adds the section with the contact sheet. `order` explains the order of the photos.
     pub fn contact_sheet(&mut self, order: &str) -> Result<()> {
         if let Some(strip) = &self.strip {
             self.sections.extend(strip.section(&self.unit, order)?);
@@ -69,7 +69,7 @@ impl AnswerPage<'_> {
         Ok(figure)
     }
 
-    /// Writes light in all three formats, and names its figure as its files. `scale` is the exposure of the `.png`.
+    /// Writes light in all three formats, and gives the figure the name of the files. `scale` is the exposure of the `.png`.
     pub fn light(
         &mut self,
         file: &str,
@@ -82,12 +82,12 @@ impl AnswerPage<'_> {
         self.picture(file, figure.named(file, format!("{file}.npy")))
     }
 
-    /// A figure of standard errors of light, as means over the channels.
+    /// A figure of the standard errors of light. Each pixel shows the mean over the channels.
     pub fn errors(&self, errors: &[Vec<f64>], caption: impl Into<String>) -> Result<Figure> {
         figure::amounts(self.resolution, &mean(errors), &self.unit, caption)
     }
 
-    /// A figure of the difference of light, as a mean over the channels.
+    /// A figure of the difference of light. Each pixel shows the mean over the channels.
     pub fn difference(
         &self,
         found: &[Vec<f64>],
@@ -98,8 +98,7 @@ impl AnswerPage<'_> {
         figure::signed(self.resolution, &error, robust_range(&error, None), &self.unit, caption)
     }
 
-    /// Writes the page with the findings of the answer, and returns the names of all files. The colour of the page follows from these
-    /// findings and from those of the run.
+    /// Writes the page, and returns the names of all files. The findings of the answer and of the run determine the colour of the page.
     pub(crate) fn finish(
         mut self,
         findings: Vec<Finding>,
@@ -136,7 +135,7 @@ impl AnswerPage<'_> {
     }
 }
 
-/// The colour for findings: good if all findings are as expected.
+/// The colour of the page for these findings. It is good if all findings are as expected.
 pub(crate) fn outcome(findings: &[Finding]) -> Outcome {
     if worst(findings) == Grade::Ok { Outcome::Good } else { Outcome::Short }
 }
@@ -158,7 +157,7 @@ pub(crate) fn table(findings: &[Finding]) -> Block {
     Block::table(headers, findings.iter().map(row).collect(), "")
 }
 
-/// The files of a run's folder. The name of each requested path is recorded.
+/// The files in a run's folder. Each request for a path adds the name of the file to the list.
 #[derive(Debug)]
 pub(crate) struct Files<'a> {
     pub(crate) folder: &'a Path,
@@ -172,7 +171,7 @@ impl<'a> Files<'a> {
         Self { folder, names: Vec::new(), about: Vec::new() }
     }
 
-    /// The files of an answer, with its arrays written. Errors: [`crate::Error::Write`] naming the file.
+    /// Writes the arrays of an answer, and begins the list of its files. Errors: [`crate::Error::Write`] naming the file.
     pub(crate) fn of(folder: &'a Path, content: &Content<'_>) -> Result<Self> {
         let mut files = Self::new(folder);
         for array in content.arrays.iter().filter(|array| array.is_saved) {
@@ -220,7 +219,7 @@ impl<'a> Files<'a> {
         atomic::write_bytes(&self.path(&format!("{name}.png")), &figure.png)
     }
 
-    /// Links to the files so far, first those with the results, and to the record of the run.
+    /// Links to the files so far: first the files with the results, then the record of the run.
     pub(crate) fn links(&self) -> Vec<FileLink> {
         let order = |name: &str| match name.rsplit('.').next() {
             Some("npy") => 0,
@@ -239,7 +238,7 @@ impl<'a> Files<'a> {
     }
 }
 
-/// The page with the matrix of a run, if there is one, to paint with.
+/// The page that contains the matrix of a run and computes photos of painted patterns.
 pub const PAINT: &str = "paint.html";
 
 /// A shape as text: `10 × 128 × 128`.
@@ -247,7 +246,7 @@ fn sizes(shape: &[usize]) -> String {
     shape.iter().map(usize::to_string).collect::<Vec<_>>().join(" × ")
 }
 
-/// NumPy's name of an element type.
+/// The name of an element type in NumPy.
 fn element<T>() -> &'static str {
     match std::any::type_name::<T>() {
         "f32" => "float32",
@@ -257,7 +256,7 @@ fn element<T>() -> &'static str {
     }
 }
 
-/// The run's facts from its record. `more` are facts of the command itself, placed after those of the rig.
+/// The facts of the run from its record. `more` are facts of the command itself, which are placed after the facts of the rig.
 pub(crate) fn facts(
     manifest: &RunManifest,
     photos: usize,
@@ -297,7 +296,7 @@ pub(crate) fn facts(
     facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
-/// The facts of a rig: its effort and its way of measuring.
+/// The facts of a rig: the effort and the method of its measurements.
 fn rig_facts(rig: &RigRecord) -> Vec<(&'static str, String)> {
     let effort = &rig.effort;
     let mut facts = vec![
@@ -327,7 +326,7 @@ fn rig_facts(rig: &RigRecord) -> Vec<(&'static str, String)> {
     facts
 }
 
-/// The processing stages from counts to light, in words.
+/// The stages of processing from counts to light, in words.
 pub(crate) fn stages(options: &MeasureOptions) -> String {
     let times = |count: u32, what: &str| (count > 1).then(|| format!("{count} {what}"));
     let named = |on: bool, name: &str| on.then(|| name.to_owned());

@@ -14,7 +14,7 @@ pub struct ScatterPlot {
     pub points: Vec<((f64, f64), [u8; 3])>,
     /// Marked points with their names.
     pub marked: Vec<((f64, f64), String)>,
-    /// The pixels of the points, and the numbers of the eigenvectors along the axes, from 0; `None` if the points are not pixels.
+    /// The pixels of the points, and the indices of the eigenvectors along the axes, from 0; `None` if the points are not pixels.
     pub pixels: Option<(Vec<usize>, [usize; 2])>,
 }
 

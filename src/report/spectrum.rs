@@ -17,7 +17,7 @@ use crate::krylov::HistoryRow;
 /// Maximum number of lines in the plot of residuals.
 const LINES: usize = 5;
 
-/// A signed picture of each eigenvector, with its file name. `mask` marks pixels to leave out. `embedding` maps entries to coordinates.
+/// A signed picture of each eigenvector, with its file name. `mask` marks pixels to leave out. `embedding` converts entries to coordinates.
 pub(crate) fn pictures(
     resolution: Resolution,
     vectors: &[Vec<f64>],
@@ -29,7 +29,7 @@ pub(crate) fn pictures(
         let range = robust_range(vector, mask);
         let coordinate = embedding.and_then(|of| Some((*of.weights.get(index)?, *of.ranges.get(index)?)));
         let kind = Kind::Eigenvector {
-            // For the average cut the known eigenvalue is 0, and eigenvectors do not determine rows of the matrix.
+            // For the average cut, whose first eigenvalue is 0, eigenvectors do not determine rows of the matrix.
             eigenvalue: (embedding.is_some() && values[0] > 0.5).then_some(*value),
             weight: coordinate.map(|(weight, _)| weight),
             range: coordinate.map_or((0.0, 0.0), |(_, range)| range),
@@ -74,7 +74,7 @@ pub(crate) fn stems(values: &[f64], residuals: &[f64], caption: &str) -> Block {
     Block::Plot { svg: plot.render(), caption: caption.into() }
 }
 
-/// A plot of the leading pairs' residual norms over the photos; `first` is the number of the first pair with a history.
+/// A plot of the residual norms of the leading pairs over the photos. `first` is the number of the first pair that has a history.
 pub(crate) fn convergence(history: &[HistoryRow], first: usize) -> Block {
     let pairs = history.last().map_or(0, |row| row.residuals.len()).min(LINES);
     let line = |pair: usize| {
@@ -85,7 +85,7 @@ pub(crate) fn convergence(history: &[HistoryRow], first: usize) -> Block {
     plot::lines(["photos", "residual norm"], (0..pairs).map(line).collect(), caption)
 }
 
-/// A table of each pair's eigenvalue, with its standard error if known, and residual norm, followed by the columns `more`.
+/// A table with a row for each pair: the eigenvalue, with its standard error if known, the residual norm, and the columns `more`.
 pub(crate) fn table(
     (values, errors): (&[f64], &[f64]),
     residuals: &[f64],

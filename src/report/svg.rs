@@ -1,4 +1,4 @@
-//! The frame of a plot as SVG: grid, labels and legend, and the marks drawn within it.
+//! A plot as SVG: the frame with grid, labels and legend, and the marks inside the frame.
 //!
 //! Text and lines use the page's text colour (`currentColor`) for light mode, dark mode and print. `plotters` supports only fixed colours.
 
@@ -19,7 +19,7 @@ pub(super) struct Chart {
     /// Height reserved above the frame for the legend.
     top: f64,
     body: String,
-    /// Points of the drawn curves, which notes of the horizontal marks avoid.
+    /// Points of the drawn curves. The notes of the horizontal marks avoid them.
     drawn: Vec<(f64, f64)>,
     marks: Vec<(f64, String)>,
     layout: Layout,
@@ -30,7 +30,7 @@ pub(super) struct Chart {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layout {
     width: f64,
-    /// The frame's height, which does not depend on the legend.
+    /// The height of the frame. It does not depend on the legend.
     frame: f64,
     left: f64,
     bottom: f64,
@@ -38,9 +38,9 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// A drawing whose text is still 10 pixels high on a phone 340 pixels wide.
+    /// The layout of a single plot. Its text is still 10 pixels high on a phone 340 pixels wide.
     pub const FULL: Self = Self { width: 480.0, frame: 260.0, left: 88.0, bottom: 56.0, has_labels: true };
-    /// One of many plots with the same axes, which are labelled elsewhere.
+    /// The layout of one of many small plots. All have the same axes, whose labels are outside the plots.
     pub const SMALL: Self = Self { width: 250.0, frame: 120.0, left: 56.0, bottom: 30.0, has_labels: false };
 
     fn right(self) -> f64 {
@@ -55,11 +55,11 @@ impl Layout {
 const RIGHT: f64 = 16.0;
 const FONT: f64 = 14.5;
 
-/// Estimated width of a letter: half the height of a sans-serif face, since the font is not available here.
+/// The estimated width of a letter, half the height of a sans-serif face. The true width is unknown, since the font is not available here.
 const LETTER: f64 = 7.7;
 
 impl Chart {
-    /// Draws grid, ticks and axis labels. `legend` lists (colour, dashes, name), set in rows above the frame.
+    /// Draws grid, ticks and axis labels. `legend` lists (colour, dashes, name), in rows above the frame.
     pub fn new(
         layout: Layout,
         (x, y): (Axis, Axis),
@@ -108,7 +108,7 @@ impl Chart {
             if index % stride != 0 {
                 continue;
             }
-            // The last label must stay inside the drawing.
+            // The last label is shifted if it would exceed the drawing.
             let most = self.layout.width - LETTER / 2.0 * tick.label.chars().count() as f64;
             draw!(
                 lines,
@@ -125,7 +125,7 @@ impl Chart {
         self.body.push_str(&lines);
     }
 
-    /// The number of ticks from one label of the horizontal axis to the next. More labels would overlap.
+    /// The number of ticks from one label of the horizontal axis to the next. More frequent labels would overlap.
     fn stride(&self) -> usize {
         let ends = |stride: usize| {
             let labelled = self.x.ticks.iter().step_by(stride);
@@ -212,7 +212,7 @@ impl Chart {
         );
     }
 
-    /// Begins a curve whose values the page's scripts show. `points` are its values. Values without a place in the drawing are left out.
+    /// Begins a curve whose values the page's scripts show. `points` are these values. Values outside the drawing are left out.
     pub fn open_curve(&mut self, name: &str, color: &str, points: &[(f64, f64)]) {
         let told = points.iter().filter_map(|&(x, y)| {
             let (across, down) = self.place((x, y))?;
@@ -227,13 +227,13 @@ impl Chart {
         );
     }
 
-    /// Begins points that stand for pixels.
+    /// Begins a group of points, each of which represents a pixel.
     pub fn open_pixels(&mut self, pixels: &[usize], axes: [usize; 2]) {
         let pixels: Vec<String> = pixels.iter().map(usize::to_string).collect();
         draw!(self.body, r#"<g data-axes="{},{}" data-pixels="{}">"#, axes[0], axes[1], pixels.join(" "));
     }
 
-    /// Ends the curve or the points that were begun last.
+    /// Ends the curve or the group of points that was begun last.
     pub fn close(&mut self) {
         self.body.push_str("</g>");
     }
@@ -248,7 +248,7 @@ impl Chart {
         );
     }
 
-    /// Writes names beside points. Each is placed where it covers no other name or marked point, if there is such a place.
+    /// Writes names beside points. If possible, a name is placed where it covers no other name and no marked point.
     pub fn names(&mut self, named: &[((f64, f64), &str)]) {
         let points: Vec<(f64, f64)> = named.iter().map(|(at, _)| *at).collect();
         let mut taken = Vec::new();
@@ -371,7 +371,7 @@ fn dash_attribute(dashes: &str) -> String {
     if dashes.is_empty() { String::new() } else { format!(r#" stroke-dasharray="{dashes}""#) }
 }
 
-/// Splits a text that is wider than `length` into two rows.
+/// Splits a text into two rows if it is wider than `length`.
 fn rows(text: &str, length: f64) -> Vec<&str> {
     let half = text.len() / 2;
     let break_at = text.match_indices(' ').map(|(at, _)| at).min_by_key(|at| at.abs_diff(half));
@@ -389,7 +389,7 @@ fn escape(text: &str) -> String {
             '<' => escaped.push_str("&lt;"),
             '>' => escaped.push_str("&gt;"),
             '"' => escaped.push_str("&quot;"),
-            // XML forbids other control characters, even escaped ones.
+            // Control characters become spaces, since XML forbids most of them, even escaped.
             character if character.is_control() => escaped.push(' '),
             character => escaped.push(character),
         }
@@ -400,10 +400,10 @@ fn escape(text: &str) -> String {
 /// A rectangle: left, top, right and bottom.
 type Frame = [f64; 4];
 
-/// The sampling distance along lines. Closer points are equivalent for the placement of notes.
+/// The distance of samples along lines. A smaller distance would not change the placement of notes.
 const STEP: f64 = 3.0;
 
-/// Points along the lines between `corners`, dense enough to detect every line through a note.
+/// Samples along the lines between `corners`. They are dense enough to detect every line through a note.
 fn along(corners: &[(f64, f64)]) -> impl Iterator<Item = (f64, f64)> {
     corners.windows(2).flat_map(|ends| {
         let [(x, y), (to_x, to_y)] = [ends[0], ends[1]];
@@ -415,7 +415,7 @@ fn along(corners: &[(f64, f64)]) -> impl Iterator<Item = (f64, f64)> {
     })
 }
 
-/// The first of the places that cover the fewest points and notes; `None` without places.
+/// The first of those places that cover the fewest points and notes; `None` if there are no places.
 fn clearest(places: &[Frame], points: &[(f64, f64)], notes: &[Frame]) -> Option<Frame> {
     let hidden = |place: &Frame| {
         let inside =
@@ -423,7 +423,7 @@ fn clearest(places: &[Frame], points: &[(f64, f64)], notes: &[Frame]) -> Option<
         let meets = |note: &&Frame| {
             note[0] < place[2] && place[0] < note[2] && note[1] < place[3] && place[1] < note[3]
         };
-        // Overlapping notes are unreadable, hence the large penalty.
+        // The penalty for overlapping notes is large, because such notes are unreadable.
         points.iter().filter(inside).count() + 1000 * notes.iter().filter(meets).count()
     };
     places.iter().copied().min_by_key(hidden)

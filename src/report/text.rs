@@ -3,12 +3,12 @@
 use crate::finding::Ratio;
 pub use crate::finding::decimal;
 
-/// A share as a percentage of three digits, without its unit; `–` if there is nothing to measure.
+/// A share as a percentage with three digits, without the unit; `–` if there is nothing to measure.
 pub fn percent(share: impl Into<Ratio>) -> String {
     share.into().percent()
 }
 
-/// A percentage with three digits with its unit, such as `3.14 %`; `–` if there is nothing to measure.
+/// A share as a percentage with three digits and the unit, such as `3.14 %`; `–` if there is nothing to measure.
 pub(crate) fn percentage(share: impl Into<Ratio>) -> String {
     let Some(share) = share.into().value() else { return "–".into() };
     let percent = 100.0 * share;
@@ -21,14 +21,14 @@ pub(crate) fn percentage(share: impl Into<Ratio>) -> String {
     format!("{percent:.decimals$} %")
 }
 
-/// As [`decimal`], with a plus sign before a value that is not negative.
+/// A number as [`decimal`] shows it, with a plus sign before a value that is not negative.
 pub fn signed(value: f64, decimals: usize) -> String {
     let plus = if value.is_sign_negative() { "" } else { "+" };
     plus.to_owned() + &decimal(value, decimals)
 }
 
-/// A value with its standard error: `0.0971 ±0.0012`. The error has two digits, and the value has no digit beyond them. Without an error
-/// the value has eight decimals, as [`decimal`] shows them.
+/// A value with its standard error: `0.0971 ±0.0012`. The error has two digits, and the value has as many decimals as the error. Without an
+/// error, the value has eight decimals, as [`decimal`] shows them.
 pub fn with_error(value: f64, error: f64) -> String {
     if error > 0.0 && error.is_finite() {
         let decimals = decimals(error);
@@ -38,11 +38,11 @@ pub fn with_error(value: f64, error: f64) -> String {
     }
 }
 
-/// The value without the digits that its standard error leaves open. Without a known error it is unchanged.
+/// The value without the digits that its standard error makes uncertain. If the error is unknown, the value is unchanged.
 pub fn rounded(value: f64, error: f64) -> f64 {
     if error > 0.0 && error.is_finite() {
         let decimals = decimals(error);
-        // The printed text is always a number.
+        // The parse cannot fail, since the printed text is always a number.
         format!("{value:.decimals$}").parse().unwrap_or(value)
     } else {
         value
@@ -51,11 +51,11 @@ pub fn rounded(value: f64, error: f64) -> f64 {
 
 /// The number of decimals that shows two digits of an error.
 fn decimals(error: f64) -> usize {
-    // The first digit of the smallest positive number is decimal 324.
+    // The clamp is at 324 decimals, where the smallest positive number has its first digit.
     (1.0 - error.log10().floor()).clamp(0.0, 324.0) as usize
 }
 
-/// `1048576` as `1,048,576`.
+/// Groups digits by thousands: `1048576` becomes `1,048,576`.
 pub fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
@@ -68,7 +68,7 @@ pub fn grouped(number: u64) -> String {
     text
 }
 
-/// Bytes in the largest unit with a value of at least 1: `2.5 GiB`.
+/// A number of bytes in the largest unit in which the value is at least 1: `2.5 GiB`.
 pub fn bytes(bytes: u64) -> String {
     let bytes = bytes as f64;
     let units = ["bytes", "KiB", "MiB", "GiB"];

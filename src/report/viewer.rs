@@ -1,7 +1,7 @@
 //! Live images in the image viewer tev.
 //!
-//! A background thread sends the images, so that the capture never waits. It keeps only the newest unsent version of each image and
-//! channel. A missing or lost viewer causes one warning.
+//! A background thread sends the images, so that the capture never waits. For each image and channel, the thread keeps only the newest
+//! version that is not sent yet. A missing or lost viewer causes one warning.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::io::{self, Write};
@@ -11,13 +11,13 @@ use std::time::{Duration, Instant};
 
 use crate::image::Resolution;
 
-/// The time limit for the viewer to answer or to accept data. Then it counts as disconnected.
+/// The time limit for the viewer to answer or to accept data. After this time, the viewer counts as disconnected.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Time limit for sending the remaining images at the end of a run.
+/// The time limit for sending the remaining images at the end of a run.
 const FAREWELL: Duration = Duration::from_secs(1);
 
-/// The maximum number of unsent planes. With more, the oldest is dropped.
+/// The maximum number of unsent planes. If there are more, the oldest plane is dropped.
 const WAITING: usize = 16;
 
 /// One channel of an image.
@@ -35,7 +35,7 @@ pub struct Plane {
     pub values: Vec<f32>,
 }
 
-/// A background connection to the viewer. Dropping it sends the queued images, for at most one second.
+/// A background connection to the viewer. When it is dropped, the queued images are sent, for at most one second.
 pub struct Viewer(Arc<Shared>);
 
 #[derive(Default)]
@@ -66,7 +66,7 @@ impl Viewer {
             queue.waiting.clear();
             own.changed.notify_all();
         };
-        // Without a thread there is neither a viewer nor a warning.
+        // If no thread can be started, there is neither a viewer nor a warning.
         if std::thread::Builder::new().name("viewer".into()).spawn(work).is_err() {
             shared.queue().ended = true;
         }
@@ -106,12 +106,12 @@ impl Drop for Viewer {
 }
 
 impl Shared {
-    /// A poisoned lock is safe, since no code can panic in the middle of a change.
+    /// A poisoned lock is safe to use, since no code can panic in the middle of a change.
     fn queue(&self) -> MutexGuard<'_, Queue> {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for the next plane. Returns `None` when no more will come.
+    /// Waits for the next plane. Returns `None` when the queue is closed and empty.
     fn next(&self) -> Option<Plane> {
         let mut queue = self.queue();
         loop {
@@ -129,7 +129,7 @@ impl Shared {
         let mut known = BTreeSet::new();
         while let Some(plane) = self.next() {
             if known.insert(plane.name.clone()) {
-                // An image with this name from an earlier run may have another resolution.
+                // An image with this name may still be open from an earlier run, with another resolution, so it is closed first.
                 stream.write_all(&packet::close_image(&plane.name))?;
                 stream.write_all(&packet::create_image(&plane.name, plane.size, plane.channels))?;
             }
@@ -205,7 +205,7 @@ pub mod packet {
             self
         }
 
-        /// Zero bytes inside the string would end it early, so they are removed.
+        /// Appends a string. Zero bytes inside it would end it early, so they are removed.
         fn text(&mut self, text: &str) -> &mut Self {
             self.0.extend(text.bytes().filter(|&byte| byte != 0));
             self.0.push(0);

@@ -1,4 +1,4 @@
-//! An audit of the assumption of every other verb: that a source is a linear, symmetric operator.
+//! An audit of the assumption behind every other verb: a source is a linear, symmetric operator.
 
 use serde::{Deserialize, Serialize};
 
@@ -53,8 +53,7 @@ impl Verb for Audit {
         }
     }
 
-    /// Adds the faults of a rig's devices to the checks. The laboratory keeps no photos, since an audit compares two photos of the same
-    /// pattern.
+    /// Checks the operator and the devices of a rig. No photos are kept, since an audit compares two photos of the same pattern.
     fn answer(&self, lab: &mut Lab) -> Result<AuditReport> {
         let options = &AuditOptions {
             patterns: self.patterns,
@@ -118,7 +117,7 @@ impl Answer for AuditReport {
         self.checks.clone()
     }
 
-    /// An audit that failed by saturation has no white photo, and so no known noise.
+    /// The white photo is unknown if the audit failed by saturation. The noise is then unknown, too.
     fn has_white(&self) -> bool {
         !self.white.is_empty()
     }

@@ -1,4 +1,4 @@
-//! The light transport matrix as sparse matrices in files: whole, or joined from the shards of several machines.
+//! The light transport matrix as sparse matrices in files, either from one machine or joined from the shards of several machines.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -61,7 +61,7 @@ pub struct JoinShards {
     pub file: Option<PathBuf>,
 }
 
-/// Part `K` of `N` of a matrix.
+/// Part `K` of `N` parts of a matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ShardOf(pub usize, pub usize);
 
@@ -83,8 +83,8 @@ impl FromStr for ShardOf {
 }
 
 impl WriteMatrix {
-    /// Traces or photographs the matrix, writes it into `file`, and ends the open run. Returns whether no finding about the rig fails, too.
-    /// Fails as [`Lab::matrices`] and if a file cannot be written.
+    /// Traces or photographs the matrix, writes it into `file`, and ends the open run. The returned flag is false if a finding about the
+    /// rig fails. Fails as [`Lab::matrices`] and if a file cannot be written.
     pub fn ask(&self, lab: &mut Lab, file: &Path) -> Result<(Content<'static>, bool)> {
         let matrices = lab.matrices(self.part.into(), self.split_bounces, self.photos)?;
         let shape = (lab.channels(), lab.resolution(), lab.projector_resolution());
@@ -104,7 +104,7 @@ impl WriteMatrix {
 }
 
 impl ShardOf {
-    /// Traces the shard, or finds it in its file. Fails as [`Lab::trace_shard`].
+    /// Traces the shard, unless its file already holds it. Fails as [`Lab::trace_shard`].
     pub fn ask(self, lab: &mut Lab, file: &Path) -> Result<Content<'static>> {
         let Self(part, parts) = self;
         let TracedShard { record, bytes, is_new } = lab.trace_shard((part, parts), file)?;
@@ -125,7 +125,7 @@ impl ShardOf {
 }
 
 impl JoinShards {
-    /// Joins the shards, and writes the matrix into `file`. Fails as [`join_shards`] and if a file cannot be written.
+    /// Joins the shards and writes the matrix into `file`. Fails as [`join_shards`] and if a file cannot be written.
     pub fn ask(
         &self,
         cache: &CacheChoice,
@@ -143,7 +143,7 @@ impl JoinShards {
     }
 }
 
-/// The facts about the light paths.
+/// Adds the facts about the light paths to `content`.
 fn of_paths(content: &mut Content<'_>, paths: Option<u64>, noise: Option<&Noise>) {
     content.fact("paths", paths);
     content.fact("noise", noise.map(manifest::Noise::from));
@@ -174,7 +174,7 @@ fn write(
     Ok(content)
 }
 
-/// The names of the files of each channel beside the matrix's own.
+/// The name suffixes of the files of the channels.
 fn channel_suffixes(channels: Channels) -> &'static [&'static str] {
     match channels {
         Channels::Luma => &[""],
@@ -182,7 +182,7 @@ fn channel_suffixes(channels: Channels) -> &'static [&'static str] {
     }
 }
 
-/// `a/matrix.npz` as `a/matrix_direct.r.npz`.
+/// The name of a matrix's file with a suffix: `a/matrix.npz` becomes `a/matrix_direct.r.npz`.
 fn with_suffix(file: &Path, suffix: &str) -> PathBuf {
     let stem = file.file_stem().unwrap_or_default().to_string_lossy();
     let extension = file.extension().unwrap_or_default().to_string_lossy();

@@ -12,14 +12,14 @@ use crate::error::{Error, Result};
 use crate::krylov::{METHODS, Method};
 use crate::transport::Part;
 
-/// The default of a request, from the declarations of its options.
+/// The default request. Its fields have the default values of the command line options.
 #[allow(
     clippy::panic,
     reason = "a request with an option that must be given is a fault of its declaration, which a test finds"
 )]
 pub(super) fn defaults<T: clap::Args>() -> T {
     let name = clap::Command::new("defaults");
-    // A required file has no default. The request's own check demands it.
+    // The parser must not demand a required file, since a file has no default. The request checks later that it is given.
     let command = T::augment_args(name).mut_args(|arg| arg.required(false));
     let parsed = command.try_get_matches_from(["defaults"]);
     match parsed.and_then(|matches| T::from_arg_matches(&matches)) {
@@ -28,13 +28,13 @@ pub(super) fn defaults<T: clap::Args>() -> T {
     }
 }
 
-/// A number for any option. It may be infinite, but NaN is refused, since it would pass every comparison with a bound.
+/// Parses a number for any option. It may be infinite. NaN is refused, since it would pass every comparison with a bound.
 pub(crate) fn number<T: FromStr + Into<f64> + Copy>(text: &str) -> std::result::Result<T, String> {
     let number = text.trim().parse::<T>().ok().filter(|&number| !number.into().is_nan());
     number.ok_or_else(|| format!("`{text}` is not a number; write one as in 0.5 or 1e-6"))
 }
 
-/// A time in seconds or minutes: above 0, and short enough for every clock to count it.
+/// Parses a time in seconds or minutes. It must be above 0, and short enough for every clock.
 pub(crate) fn time(text: &str) -> std::result::Result<f64, String> {
     const LONGEST: f64 = 1e9;
     let time = number(text)?;
@@ -44,10 +44,10 @@ pub(crate) fn time(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| format!("`{text}` is not a time: give more than 0, and at most {LONGEST}"))
 }
 
-/// The largest number of photos, pixels or the like that an option accepts: the number of pixels of a 4096×4096 picture.
+/// The largest number of photos, pixels or similar that an option accepts: the number of pixels of a 4096×4096 picture.
 const MAX_COUNT: u64 = 1 << 24;
 
-/// A number of photos, pixels or the like. It is bounded, so that sums and products of such numbers do not overflow.
+/// Parses a number of photos, pixels or similar. The bound ensures that sums and products of such numbers do not overflow.
 pub(crate) fn count<T: TryFrom<u64>>(text: &str) -> std::result::Result<T, String> {
     let count = text.trim().parse().ok().filter(|&count: &u64| count <= MAX_COUNT);
     let count = count.and_then(|count| T::try_from(count).ok());
@@ -61,14 +61,14 @@ pub(crate) fn method(name: &str) -> std::result::Result<Method, String> {
     })
 }
 
-/// `-o` of a picture.
+/// Parses the file name of a picture for the option `-o`.
 pub(crate) fn png(text: &str) -> std::result::Result<PathBuf, String> {
     let path = PathBuf::from(text);
     let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
     if is_png { Ok(path) } else { Err("give a file whose name ends in .png".into()) }
 }
 
-/// Refuses given options of a verb that a plan of it does not support.
+/// Refuses options that were given to a verb, but that a plan of this verb does not support.
 pub(super) fn not_planned(verb: &str, given: &[(bool, &str)]) -> Result<()> {
     match given.iter().find(|(is_given, _)| *is_given) {
         None => Ok(()),
@@ -108,12 +108,12 @@ pub(crate) fn check_vectors(option: &str, vectors: usize, length: usize) -> Resu
         .help("give a smaller number"))
 }
 
-/// The command line option of a field: `--direct-photos` for `direct_photos`.
+/// The command line option of a field. The field `direct_photos` has the option `--direct-photos`.
 fn option_of(field: &str) -> String {
     format!("--{}", field.replace('_', "-"))
 }
 
-/// Makes a request from fields by name. A missing field gets its default. A single value is accepted for a field that takes several.
+/// Makes a request from named fields. A missing field has its default value. A field for several values also accepts a single value.
 ///
 /// # Errors
 /// [`Error::Option`] naming a field that the request does not have, or that does not accept the value.
@@ -144,12 +144,12 @@ pub fn from_json<V: Serialize + DeserializeOwned + Default>(fields: Map<String, 
     V::deserialize(&Value::Object(request)).map_err(|why| Error::Numerical(why.to_string()))
 }
 
-/// A field of a request, as a caller with keyword arguments sees it.
+/// A field of a request as a keyword argument.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parameter {
     /// The name, such as `direct_photos`.
     pub name: String,
-    /// The default as JSON; null if the source decides.
+    /// The default as JSON; null if the default depends on the source.
     pub default: String,
     /// The type in Python.
     pub kind: String,
@@ -157,14 +157,14 @@ pub struct Parameter {
     pub help: String,
 }
 
-/// The fields of a request in the order of the options, and its purpose, without the options about opening the source.
+/// The purpose of a request, and its fields in the order of the options. Options that only open the source are left out.
 pub fn signature<V: super::Request>() -> (String, Vec<Parameter>) {
     let command = V::augment_args(clap::Command::new("request"));
     let defaults = serde_json::to_value(V::default()).unwrap_or_default();
     let about = command.get_about().map(ToString::to_string).unwrap_or_default();
     let of = |arg: &clap::Arg| {
         let name = arg.get_id().to_string();
-        // The record has no field for an option that only opens the source.
+        // An option that only opens the source has no field in the record, and is skipped.
         let default = defaults.get(&name)?;
         let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
         Some(Parameter { kind: kind(arg, default), default: default.to_string(), name, help })

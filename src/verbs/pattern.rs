@@ -17,13 +17,13 @@ pub enum Pattern {
     White,
     /// No pixel is lit.
     Black,
-    /// Squares of this many pixels; the one at the top left is lit.
+    /// Squares of this many pixels. The square at the top left is lit.
     Checker(usize),
-    /// Vertical stripes of this many pixels; the leftmost is lit.
+    /// Vertical stripes of this many pixels. The leftmost stripe is lit.
     Stripes(usize),
     /// The left half.
     Left,
-    /// One pixel, by column and row.
+    /// A single lit pixel, by column and row.
     Pixel(usize, usize),
     /// An image.
     File(PathBuf),
@@ -88,7 +88,7 @@ impl std::fmt::Display for Pattern {
 }
 
 impl Pattern {
-    /// The pattern at this resolution. Fails if a file cannot be read or has another size, or if the pixel lies outside.
+    /// The pattern at this resolution. Fails if a file cannot be read or has another size, or if the pixel is outside the picture.
     pub fn image(&self, resolution: Resolution) -> Result<Image> {
         let Resolution { width, height } = resolution;
         let lit: Box<dyn Fn(usize, usize) -> bool> = match *self {

@@ -1,5 +1,5 @@
-//! Plans: what a verb will cost on a rig and how good its answer will be, from runs on the rig's virtual twin; and what a scene would take on
-//! several machines.
+//! Plans of a verb on a rig: its cost, and the error of its answer, predicted by runs on the rig's virtual twin. Plans of a scene on
+//! several machines: time and memory.
 
 use std::cell::Cell;
 use std::ops::ControlFlow;
@@ -59,13 +59,13 @@ pub enum Planned {
     Eigs(Eigs),
 }
 
-/// Photos of the question that is planned for several machines.
+/// The number of photos that a plan for several machines assumes.
 const PHOTOS: usize = 50;
-/// Seconds until a short message arrives, as in the usual networks of clusters.
+/// The latency of a short message in seconds, as in the usual networks of clusters.
 const LATENCY: f64 = 2e-5;
 
 impl Plan {
-    /// Whether a scene on several machines is planned.
+    /// Whether the plan is for a scene on several machines.
     fn is_of_ranks(&self) -> bool {
         !self.ranks.is_empty() && self.question.is_none()
     }
@@ -99,7 +99,7 @@ impl Plan {
         Ok(())
     }
 
-    /// Predicts what is asked. The request must have been checked. Fails as [`Planned::predict`] and [`Lab::scaling`].
+    /// Predicts the requested costs. The request must have been checked. Fails as [`Planned::predict`] and [`Lab::scaling`].
     pub fn ask(&self, lab: &Lab) -> Result<Content<'static>> {
         match &self.question {
             Some(question) => Ok(question.predict(lab, self.trials, self.compare_methods)?.content()),
@@ -159,7 +159,7 @@ fn check_trials(trials: u64) -> Result<()> {
     Err(Error::option("--trials", "0 runs predict nothing").help("ask for at least 1, better 3"))
 }
 
-/// The predicted costs of a verb and accuracy of its answer, with one entry for each trial.
+/// The predicted costs of a verb and the predicted accuracy of its answer, with one entry for each trial.
 #[derive(Clone, Debug)]
 pub struct Prediction {
     /// The name of the verb.
@@ -168,9 +168,9 @@ pub struct Prediction {
     rig: Name,
     /// Photos, patterns, frames and seconds.
     pub costs: Vec<Cost>,
-    /// Predicted figures of the answer: a name, and a value for each trial.
+    /// Predicted figures of the answer: a name, and one value per trial.
     pub figures: Vec<(String, Vec<f64>)>,
-    /// The reference for the figures, by name: the answer with ideal devices.
+    /// The reference values of the figures, by name, from an answer with ideal devices.
     pub ideal: Value,
     /// The trials with all their data.
     pub trials: Value,
@@ -180,8 +180,8 @@ pub struct Prediction {
 type Predicts<'a> = Box<dyn FnOnce(&Trials<'_>) -> Result<Prediction> + 'a>;
 
 impl Planned {
-    /// Predicts photos, time and error of the verb on a virtual rig, from `trials` runs on the rig's twin, each with different noise. A
-    /// compensation can be predicted by every method, at equal numbers of photos and at equal numbers of frames.
+    /// Predicts photos, time and error of the verb on a virtual rig, from `trials` runs on the rig's twin. Each run has different noise. A
+    /// compensation can be predicted for every method, at equal numbers of photos and at equal numbers of frames.
     ///
     /// # Errors
     /// [`Error::Option`] if the source is not a rig, if there are no trials, and for options that cannot be planned; [`Error::Data`] if the
@@ -193,7 +193,7 @@ impl Planned {
         }
         let rig = lab.rig().ok_or_else(|| lab.is_no_rig())?;
         check_trials(trials)?;
-        // Wrong options should show before anything is traced.
+        // Wrong options are refused before anything is traced.
         let predict: Predicts<'_> = match self {
             Self::Segment(asked) => {
                 asked.check_plan()?;
@@ -231,13 +231,13 @@ impl Planned {
             measurement: &rig.file.measurement,
             observer: &observer,
         };
-        // The rig's own seed is not used, since a prediction must not know the noise.
+        // The seeds differ from the rig's own seed, since a prediction must not know the noise of the real run.
         let seeds: Vec<u64> = (1..=trials).map(|trial| devices.seed.wrapping_add(trial)).collect();
         predict(&Trials { planner, observer: &observer, rig, seeds })
     }
 }
 
-/// Tells the laboratory's observer about trials, and hides the photos within each.
+/// An observer that reports the trials to the laboratory's observer, and hides the photos of each trial.
 struct TrialObserver<'a> {
     observer: &'a SharedObserver,
     done: Cell<u64>,
@@ -255,7 +255,7 @@ impl Observer for TrialObserver<'_> {
     }
 }
 
-/// The runs on the twin, each with the noise of one of the seeds.
+/// Runs on the twin, one for each seed of the noise.
 struct Trials<'a> {
     planner: Planner<'a>,
     observer: &'a TrialObserver<'a>,
@@ -268,7 +268,7 @@ impl Trials<'_> {
         let begin = Step { stage: "trials", done: 0, total: 0, estimate: Estimate::None };
         let mut trials = Vec::new();
         for &seed in &self.seeds {
-            // A stopped method returns its best result so far, which is not a valid trial.
+            // A stopped method returns its best result so far. This is not a valid trial, so a stop discards all trials.
             if self.observer.step(&begin).is_break() {
                 return Err(Error::Interrupted);
             }
@@ -368,19 +368,19 @@ impl Trials<'_> {
     }
 }
 
-/// The errors that ideal devices reach, with compensation and with the target itself as the pattern.
+/// The errors with ideal devices, both of the compensation and of the target itself as the pattern.
 fn errors_of(ideal: &CompensationPlan) -> Value {
     json!({ "relative_residual": ideal.optimum, "relative_residual_uncompensated": ideal.uncompensated })
 }
 
-/// The mean, the least and the largest of values.
+/// The mean, the smallest and the largest value.
 fn range(values: impl Iterator<Item = f64> + Clone) -> [f64; 3] {
     let (sum, count) = values.clone().fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
     [sum / count, values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max)]
 }
 
 impl Prediction {
-    /// The facts and lines. For programs, `values` has all figures by name, with a value for each trial.
+    /// The facts and lines. For programs, the fact `values` has all figures by name, with a value for each trial.
     pub fn content(&self) -> Content<'static> {
         let mut content = Content::default();
         let ideal = |name: &str| self.ideal.get(name).and_then(Value::as_f64).map(|value| decimal(value, 4));

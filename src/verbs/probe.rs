@@ -1,4 +1,4 @@
-//! Probing: a photo of which only some light paths are let through.
+//! Probing: a photo to which only some light paths contribute.
 
 use std::path::Path;
 
@@ -108,22 +108,22 @@ impl Verb for Probe {
     }
 }
 
-/// A probed photo of every channel.
+/// A probed photo in every channel.
 #[derive(Clone, Debug)]
 pub struct ProbedLight {
-    /// The name of the paths.
+    /// The name of the light paths.
     pub paths: Paths,
-    /// The paths that were let through.
+    /// The light paths that contribute.
     pub probing: Probing,
     /// The resolution of all images.
     pub resolution: Resolution,
-    /// Photos of each channel.
+    /// The number of photos taken for each channel.
     pub photos: usize,
-    /// The photo.
+    /// The values of the probed photo.
     pub values: Planes,
-    /// Its standard errors.
+    /// The standard errors of the values.
     pub standard_errors: Planes,
-    /// The exact photo, if the matrix is known.
+    /// The exact probed photo, if the matrix is known.
     pub truth: Option<Planes>,
 }
 
@@ -145,7 +145,7 @@ impl ProbedLight {
         self.truth.as_ref().and_then(|truth| relative_error(&self.values, truth).value())
     }
 
-    /// The root mean square of the standard errors relative to that of the values (the exact ones if known). It has no value without light.
+    /// The root mean square of the standard errors, divided by that of the photo (the exact photo if it is known). Undefined without light.
     pub fn noise(&self) -> Ratio {
         let errors = norm(&self.standard_errors);
         match &self.truth {
@@ -195,7 +195,7 @@ impl Answer for ProbedLight {
         content
     }
 
-    /// Whether the photo contains any light.
+    /// The finding whether the photo contains any light.
     fn findings(&self) -> Vec<Finding> {
         if self.noise().value().is_some() {
             return Vec::new();

@@ -1,4 +1,4 @@
-//! A linear system from files, so that the solvers can be compared with others.
+//! Linear systems from files, to compare the solvers with other programs.
 
 use std::borrow::Cow;
 use std::cmp::Ordering;
@@ -54,7 +54,7 @@ impl Default for Solve {
 }
 
 impl Solve {
-    /// The right-hand side, with an entry for each row of the matrix.
+    /// The right-hand side, with one entry per row of the matrix.
     fn right_hand_side(&self, rows: usize) -> Result<Cow<'_, [f64]>> {
         let (values, path) = match (&self.values, &self.rhs) {
             (Some(values), _) => (Cow::Borrowed(values.as_slice()), PathBuf::from("RHS")),
@@ -118,12 +118,12 @@ pub struct Solved {
     pub found: Solution,
     /// The method.
     pub method: Method,
-    /// The file of the solution in the open run.
+    /// The solution's file in the open run.
     pub file: Option<PathBuf>,
 }
 
 impl Solved {
-    /// Whether the solution is as good as requested, or as good as possible.
+    /// Whether the solution is as accurate as requested, or as accurate as possible.
     pub fn is_good(&self) -> bool {
         matches!(
             self.found.stats.status,
@@ -169,7 +169,7 @@ impl Answer for Solved {
         content
     }
 
-    /// The quality of the solution.
+    /// The finding about the accuracy of the solution.
     fn findings(&self) -> Vec<Finding> {
         let grade = if self.is_good() { Grade::Ok } else { Grade::Fails };
         let status = self.found.stats.status.to_string();

@@ -1,4 +1,4 @@
-//! The answers of a finished run about photos that it did not take.
+//! The predictions of a finished run about photos that it did not take.
 
 use std::path::Path;
 
@@ -48,14 +48,14 @@ fn a_run_of_a_scene_answers_photos_eigenpairs_and_other_cuts_with_their_errors()
     let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
     let run = folder.path().join("run");
     segmented(cornell()?, &run)?;
-    // The laboratory of the run is not used, since its journal would keep the photo.
+    // A new laboratory computes the truth, since the journal of the first one would keep the photo.
     let mut exact = cornell()?;
     let pattern = left(&exact)?;
     let truth = exact.photo(&pattern)?;
     let mut replay = crate::open(&run)?;
     let [off, stated] = errors(&mut replay, &truth, &pattern)?;
     assert!(off < 0.1 && off > 0.2 * stated && off < 4.0 * stated, "{off} {stated}");
-    // These are eigenvectors of the light including direct light, which the run did not photograph.
+    // The request is for eigenvectors of the global light itself.
     let asked = Eigs {
         count: 2,
         photos: Some(20),
@@ -65,7 +65,7 @@ fn a_run_of_a_scene_answers_photos_eigenpairs_and_other_cuts_with_their_errors()
     };
     let found = asked.pairs(&mut crate::open(&run)?)?.found;
     let known = asked.pairs(&mut exact)?.found;
-    // The 30 photos were taken for the normalized cut.
+    // The bound is wide, because the 30 photos of the run were taken for the normalized cut.
     assert!((found.values[0] / known.values[0] - 1.0).abs() < 0.05, "{:?} {:?}", found.values, known.values);
     let off = (found.values[0] - known.values[0]).abs();
     assert!(off <= found.bounds[0] && found.standard_errors[0] > 0.0, "{off} {:?}", found.bounds);
@@ -74,7 +74,7 @@ fn a_run_of_a_scene_answers_photos_eigenpairs_and_other_cuts_with_their_errors()
     Ok(())
 }
 
-/// A program that panics while a run replaces another unwinds through the laboratory.
+/// A panic while a run replaces another run unwinds through the laboratory.
 #[test]
 #[allow(clippy::panic, reason = "the test is about a panic")]
 fn a_panic_before_the_first_photo_gives_the_folder_back() -> Result<()> {
@@ -111,7 +111,7 @@ fn what_was_photographed_is_answered_as_it_was_and_an_audit_wants_real_photos() 
     let mut operator = replay.operator(Part::Global)?;
     operator.apply(&vec![1.0; white.len()], &mut again)?;
     assert_eq!(again, white);
-    // The model gives the same photo for the same pattern, up to rounding.
+    // The model predicts the same photo for the same pattern, up to rounding.
     operator.apply(&left(&exact)?.plane(0), &mut again)?;
     operator.apply(&vec![1.0; white.len()], &mut again)?;
     let off: Vec<f64> = again.iter().zip(&white).map(|(a, b)| a - b).collect();
@@ -137,7 +137,7 @@ fn a_run_of_a_rig_answers_other_patterns() -> Result<()> {
     Ok(())
 }
 
-/// Earlier versions of the program measured with squares of two pixels instead of codes.
+/// Earlier versions of the program measured direct light by squares of two pixels instead of codes.
 #[test]
 fn a_run_whose_direct_light_was_measured_by_squares_can_still_be_asked() -> Result<()> {
     let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;

@@ -1,4 +1,4 @@
-//! Tests of the verification of answers with light that they were not computed from.
+//! Tests of the verification of answers with light that is independent of them.
 
 use crate::analysis::compensate::compensate;
 use crate::analysis::segment::{Cut, segment};
@@ -35,7 +35,7 @@ fn eigenpairs_of_a_scene_are_checked_by_another_seed_and_the_record_says_so() ->
     assert_eq!((checked.verification.by, checked.estimates.len()), (Independent::AnotherSeed, 3));
     assert_eq!(lab.contact_sheet().len(), photos, "no photo of the run");
     for (estimate, theta) in checked.estimates.iter().zip(&found.values) {
-        // The eigenvectors fit the noise of 16 samples.
+        // The stated eigenvalues are too large, because the eigenvectors also fit the noise of 16 samples.
         assert!(estimate.quotient[0] < *theta && estimate.value < *theta, "{estimate:?} {theta}");
         assert!(estimate.error_of(*theta) >= estimate.standard_error && estimate.standard_error > 0.0);
     }
@@ -61,7 +61,7 @@ fn a_matrix_has_no_other_light() -> Result<()> {
 #[test]
 fn a_rig_is_checked_by_one_more_photo_of_each_answer() -> Result<()> {
     let mut rig = zigzag()?.through_rig(RigFile::load("assets/rigs/ideal.toml".as_ref())?)?;
-    // With this few photos, the residuals exceed the shot noise that is assumed for a rig without a calibration.
+    // With this few photos, the residuals exceed the shot noise that an uncalibrated rig is assumed to have.
     let asked = Eigs { photos: Some(6), part: LightPart::Full, ..pairs() };
     let found = asked.pairs(&mut rig)?.found;
     let photos = rig.contact_sheet().len();
@@ -69,8 +69,8 @@ fn a_rig_is_checked_by_one_more_photo_of_each_answer() -> Result<()> {
     assert_eq!(rig.contact_sheet().len(), photos + 1);
     assert_eq!((checked.verification.by, checked.estimates.len()), (Independent::AnotherPhoto, 0));
     assert_eq!(checked.verification.verdict, CheckVerdict::Passed, "within the residuals that it states");
-    // The photo is a sum of orthogonal eigenvectors with signs. Their residuals lie along the next Lanczos vector, and add up or cancel.
-    // The devices have no noise except for steps of 12 and 16 bits, so the error and the assumed noise together are the whole difference.
+    // The photo is a sum of orthogonal eigenvectors with signs. Their residuals are parallel to the next Lanczos vector, so they add up or
+    // cancel. The devices have no noise except for steps of 12 and 16 bits. Error and assumed noise together are thus the whole difference.
     let size = found.values.iter().map(|value| value * value).sum::<f64>().sqrt();
     let share = |residual: f64| residual.abs() / size.hypot(residual);
     let [first, second, third] = [0, 1, 2].map(|at| found.residuals[at]);
@@ -80,7 +80,7 @@ fn a_rig_is_checked_by_one_more_photo_of_each_answer() -> Result<()> {
     let seen = difference(&checked.verification);
     assert!(checked.verification.error > 0.0, "{:?}", checked.verification);
     assert!(sums.iter().any(|&sum| (share(sum) - seen).abs() < 1e-3), "{seen} {:?}", sums.map(share));
-    // Eigenvalues that are a fifth too large are detected: the difference grows by a fifth of the eigenvectors' share of the photo.
+    // Eigenvalues that are a fifth too large are detected. The difference grows by a fifth of the eigenvectors' share of the photo.
     let mut wrong = found.clone();
     wrong.values.iter_mut().for_each(|value| *value *= 1.2);
     let Some(checked) = rig.verify_eigenpairs(Part::Full, &wrong)? else { unreachable!("a rig") };
@@ -112,7 +112,7 @@ fn a_segmentation_is_checked_pair_by_pair() -> Result<()> {
     Ok(())
 }
 
-/// The compensation of a dark gray target by six photos.
+/// The compensation for a dark gray target, with six photos.
 fn compensated(lab: &mut Lab) -> Result<Compensation> {
     let target = Target::new(&Image::filled(lab.resolution(), 1, 0.3), &lab.ambient()?)?;
     let options =
@@ -128,7 +128,7 @@ fn deviation(lab: &mut Lab, exact: &mut Lab) -> Result<f64> {
     let Some([photo, errors]) = lab.verify_compensation(&found)?.and_then(|checked| checked.photo) else {
         unreachable!("there is other light")
     };
-    // The units of a rig and of the scene differ by a factor.
+    // A rig and a scene have different units, so the ratio of their photos is needed.
     let [seen, known] =
         [&mut *lab, &mut *exact].map(|lab| lab.single_photo(&white).map(|photo| photo.photo.plane(0)));
     let unit = seen?.iter().sum::<f64>() / known?.iter().sum::<f64>();
@@ -145,7 +145,7 @@ fn a_compensated_photo_states_the_error_of_each_pixel() -> Result<()> {
     let scene = || Lab::builder_of_scene(builtin::zigzag().to_scene()).size(24, 24);
     let mut exact = scene().samples(4096).seed(11).open()?;
     let of_scene = deviation(&mut zigzag()?, &mut exact)?;
-    // The errors of single pixels are pooled from one draw each, so their mean square is off by some percent.
+    // Each pixel has one draw of its error, and these draws are pooled. The mean square is therefore off by some percent.
     assert!((0.8..1.3).contains(&of_scene), "{of_scene}");
     let mut behind = scene().samples(64).seed(7).open()?;
     let text =
@@ -155,12 +155,12 @@ fn a_compensated_photo_states_the_error_of_each_pixel() -> Result<()> {
     rig.calibrate(&Default::default())?;
     rig.measure_flat_field()?;
     let of_rig = deviation(&mut rig, &mut behind)?;
-    // Noise and the remaining error of the calibration contribute. Over many repeats the value is 1.1 to 1.2.
+    // Noise and the remaining error of the calibration contribute to the deviation. Over many repeats its value is 1.1 to 1.2.
     assert!((0.8..1.4).contains(&of_rig), "{of_rig}");
     Ok(())
 }
 
-/// Verdicts on correct answers and on planted wrong ones, for one seed of the light paths. The wrong answers are shuffled labels, an
+/// Verdicts on correct answers and on wrong answers, for one seed of the light paths. The wrong answers are shuffled labels, an
 /// eigenvector with added noise of twice the run's noise, and a pattern that compensates another scene.
 fn verdicts(seed: u32) -> Result<([CheckVerdict; 3], [CheckVerdict; 3])> {
     let lab =
@@ -210,7 +210,7 @@ fn verdicts(seed: u32) -> Result<([CheckVerdict; 3], [CheckVerdict; 3])> {
     ))
 }
 
-/// For each kind, the number of correct answers that are refuted and the number of wrong answers that are not.
+/// For each kind of answer, the number of correct answers that do not pass, and the number of wrong answers that are not refuted.
 fn mistakes(seeds: std::ops::Range<u32>) -> Result<[[usize; 3]; 2]> {
     let mut counts = [[0; 3]; 2];
     for seed in seeds {
@@ -225,7 +225,7 @@ fn mistakes(seeds: std::ops::Range<u32>) -> Result<[[usize; 3]; 2]> {
 
 #[test]
 fn wrong_answers_are_refuted_and_right_ones_are_not() -> Result<()> {
-    // At one mistake in a hundred, the chance of two or more in six seeds of one kind is 0.0015.
+    // If one answer in a hundred is misjudged, the chance of two or more mistakes in six seeds of one kind is 0.0015.
     let counts = mistakes(100..106)?;
     assert!(counts.as_flattened().iter().all(|&count| count <= 1), "right, wrong: {counts:?}");
     Ok(())
@@ -256,12 +256,12 @@ fn the_page_of_a_refuted_answer_says_so() -> Result<()> {
         assert_eq!(checks, [if is_refuted { Grade::Fails } else { Grade::Ok }]);
         let read = |name: &str| std::fs::read_to_string(run.join(name)).map_err(Error::reading(&run));
         let (page, record) = (read("report.html")?, read("run.json")?);
-        // The colour and the sentence at the head follow from this finding.
+        // The colour of the page and the sentence at its top follow from this finding.
         assert_eq!(page.contains("check fails: refuted by light paths of another seed"), is_refuted);
         let is_good = saved.findings.iter().all(|finding| finding.grade == Grade::Ok);
         assert_eq!(page.contains("class=\"verdict good\""), is_good);
         assert_eq!(record.contains("\"verdict\": \"refuted\""), is_refuted, "{record}");
-        // The computed number explains the refutation.
+        // The sentence with the stated eigenvalue explains the refutation.
         assert_eq!(page.contains("its eigenvalue is stated as"), is_refuted);
     }
     Ok(())

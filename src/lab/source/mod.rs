@@ -40,7 +40,7 @@ pub(in crate::lab) enum Source {
     Matrix(MatrixSource),
 }
 
-/// The kind of source that a path names.
+/// The kind of source, as [`SourceKind::of`] recognizes it from a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SourceKind {
     /// A scene: `.glb`, `.gltf` or `.obj`.
@@ -54,7 +54,7 @@ pub enum SourceKind {
 }
 
 impl SourceKind {
-    /// The kind, by the path's extension. A folder is a run. An unknown extension counts as a scene, whose loader lists its formats.
+    /// The kind, by the path's extension. A folder is a run. Any other extension counts as a scene; its loader reports the known formats.
     pub fn of(path: &Path) -> Self {
         if path.is_dir() {
             return Self::Run;
@@ -116,7 +116,7 @@ impl Source {
         }
     }
 
-    /// The folder of the run, if the source is one.
+    /// The folder of the run, if the source is a run.
     pub(in crate::lab) fn folder(&self) -> Option<&Path> {
         match self {
             Self::Run(run) => Some(&run.folder),
@@ -159,7 +159,7 @@ impl Source {
     pub(in crate::lab) fn blur(&self) -> f64 {
         match self {
             Self::Rig(rig) if rig.is_calibrated => rig.calibration.registration.blur(),
-            // An unreadable calibration is reported as an error at the first photo.
+            // If the calibration cannot be read, the first photo returns the error.
             Self::Run(run) if run.note.kind == Kind::Rig => run.blur().unwrap_or(0.0),
             Self::Rig(_) | Self::Run(_) | Self::Scene(_) | Self::Model(_) | Self::Matrix(_) => 0.0,
         }
@@ -187,7 +187,7 @@ impl Source {
         }
     }
 
-    /// The true labels by the scene's author, if there are any.
+    /// The true labels that the scene's author defined, if there are any.
     pub(in crate::lab) fn truth(&self) -> Result<Option<Truth>> {
         match self {
             Self::Scene(scene) => scene.truth(scene.settings.resolution),
@@ -197,7 +197,7 @@ impl Source {
         }
     }
 
-    /// The note that allows a run of this source to be replayed from its journal.
+    /// The note in a run's journal that makes a replay of this source possible.
     pub(in crate::lab) fn note(&self, channels: Channels) -> Option<SourceNote> {
         let note = |kind, path: &Path, hash, symmetric| SourceNote {
             kind,

@@ -58,7 +58,7 @@ impl ModelParts {
     }
 
     pub(in crate::lab) fn operator(&mut self, part: Part, channel: usize) -> ModelOperator<'_> {
-        // The operators of the full and the global light both have the captured patterns.
+        // The model of the full light and the model of the global light contain the same captured patterns.
         let (whole, global) = (&mut self.model.channels[channel], &mut self.global[channel]);
         let (operator, captured): (&mut dyn Adjoint, Option<&LowRank>) = match part {
             Part::Full => (whole, Some(global)),
@@ -68,7 +68,7 @@ impl ModelParts {
         ModelOperator { operator, captured, errors: Vec::new() }
     }
 
-    /// The standard errors of a photo's samples that the limited rank of the model causes, spread evenly over the pixels.
+    /// The standard errors of a photo's samples due to the limited rank of the model, spread evenly over the pixels.
     pub(in crate::lab) fn errors(&self, pattern: &Image) -> Result<Image> {
         let plane = |(channel, model): (usize, &LowRank)| {
             let error = model.error_of_rank(&pattern.plane(channel.min(pattern.channels() - 1)));
@@ -79,7 +79,7 @@ impl ModelParts {
     }
 }
 
-/// One part and channel of a model. The errors of its products are those that the limited rank causes. Direct light is known exactly.
+/// One part and channel of a model. The stated errors of its products are due to the limited rank. Direct light is known exactly.
 pub(in crate::lab) struct ModelOperator<'a> {
     operator: &'a mut dyn Adjoint,
     captured: Option<&'a LowRank>,
@@ -113,7 +113,7 @@ impl Adjoint for ModelOperator<'_> {
     }
 }
 
-/// An `n × n` diagonal matrix. Without values it is zero.
+/// An `n × n` diagonal matrix of `values`. If `values` is empty, the matrix is zero.
 fn diagonal(n: usize, values: &[f64]) -> Result<Csr> {
     let row_start = (0..=n).map(|row| row.min(values.len())).collect();
     Csr::new(n, row_start, (0..values.len() as u32).collect(), values.to_vec())

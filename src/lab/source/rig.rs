@@ -21,7 +21,7 @@ use crate::operator::Symmetry;
 use crate::rig::{DeviceOpener, Helper, VirtualRig, VirtualScene};
 use crate::transport::Channels;
 
-/// The largest relative difference of width over height between devices of the same shape. One row of 64 is 1.6 %.
+/// The largest relative difference between the aspect ratios of two devices that count as the same shape. One row of 64 is 1.6 %.
 const SAME_SHAPE: f64 = 0.02;
 
 /// A rig that can be opened.
@@ -33,13 +33,13 @@ pub struct RigSource {
     pub calibration: Calibration,
     /// Whether the calibration was measured.
     pub is_calibrated: bool,
-    /// The devices, with the settings of the tracer in place of those that the file gives for a virtual scene.
+    /// The devices. The given settings of the tracer replace those in the file of a virtual scene.
     devices: RigKind,
     /// The virtual rig's scene, if it must be traced.
     scene: Option<SceneSource>,
-    /// The parts of the rig that a program supplies: its devices, and the text of the rig file if it is not in a file.
+    /// The parts of the rig that a program supplies: the devices, and the text of the rig file if there is no such file.
     program: Handed,
-    /// Symmetric if projector and camera have the same pose and lens. An explicit matrix is assumed to come from such a rig.
+    /// Symmetric if projector and camera have the same pose and lens. An explicit matrix is assumed to be from such a rig.
     symmetry: Symmetry,
     observer: SharedObserver,
 }
@@ -53,8 +53,8 @@ pub(in crate::lab) struct Handed {
 }
 
 impl RigSource {
-    /// Reads the file, the files that it names, and the calibration. Settings of the tracer replace those that the file of a virtual rig
-    /// gives for its scene. They are refused if nothing is traced. Fails if the file, the calibration or the scene cannot be loaded.
+    /// Reads the rig file, the files that it names, and the calibration. The given settings of the tracer replace those in the file of a
+    /// virtual rig; they are refused if nothing is traced. Fails if the file, the calibration or the scene cannot be loaded.
     pub(in crate::lab) fn open(
         path: &Path,
         program: &Handed,
@@ -78,7 +78,7 @@ impl RigSource {
         Ok(source)
     }
 
-    /// As [`Self::open`], but with ideal devices even if the file names a calibration, which may not exist yet.
+    /// Opens the rig as [`Self::open`], but with ideal devices. A calibration that the file names is ignored, since it may not exist yet.
     pub(in crate::lab) fn uncalibrated(
         path: &Path,
         program: &Handed,
@@ -98,9 +98,9 @@ impl RigSource {
         Ok(Self { program: program.clone(), ..source })
     }
 
-    /// The virtual devices of `file` in front of an open scene, which replaces the one that the file names. Errors: [`crate::Error::Data`]
-    /// if the devices are real; [`crate::Error::Option`] if the scene's projector and camera differ in pixels; those of
-    /// [`Calibration::load`].
+    /// The virtual devices of `file` in front of an open scene, which replaces the scene that the file names. Errors:
+    /// [`crate::Error::Data`] if the devices are real; [`crate::Error::Option`] if the scene's projector and camera differ in pixels; those
+    /// of [`Calibration::load`].
     pub(in crate::lab) fn in_front_of(
         scene: &SceneSource,
         file: RigFile,
@@ -127,7 +127,7 @@ impl RigSource {
         Self { file, calibration, is_calibrated: false, devices, scene, program, symmetry, observer }
     }
 
-    /// Loads the calibration, if the file names one. Returns whether it does.
+    /// Loads the calibration, if the file names one. Returns whether the file names a calibration.
     fn load_calibration(&mut self) -> Result<bool> {
         let Some(folder) = &self.file.calibration else { return Ok(false) };
         let calibration = Calibration::load(folder)?;
@@ -152,12 +152,12 @@ impl RigSource {
         self.symmetry == Symmetry::Symmetric
     }
 
-    /// Pixels of patterns and of photos. Photos are resampled to them.
+    /// The resolution of patterns and of photos. Photos are resampled to this resolution.
     pub fn resolution(&self) -> Resolution {
         self.devices.projector_info().resolution
     }
 
-    /// The channels that the devices see and show. They are coloured if any device is.
+    /// The channels of the devices. They are coloured if any device has colours.
     pub fn channels(&self) -> Channels {
         self.devices.channels()
     }
@@ -167,7 +167,7 @@ impl RigSource {
         short_name(&self.file.path)
     }
 
-    /// The scene that a virtual rig looks at, if it must be traced.
+    /// The scene in front of a virtual rig, if this scene must be traced.
     pub(in crate::lab) fn scene(&self) -> Result<&SceneSource> {
         self.scene.as_ref().ok_or_else(|| no_scene(&self.file.path))
     }
@@ -196,7 +196,7 @@ impl RigSource {
         }
     }
 
-    /// The scene or matrix that the virtual devices look at. A scene is traced now if necessary.
+    /// The scene or matrix in front of the virtual devices. A scene is traced now if necessary.
     ///
     /// # Errors
     /// [`crate::Error::Data`] if the devices are real; the errors of tracing.
@@ -209,7 +209,7 @@ impl RigSource {
         let identity = Identity::new()
             .with("rig file", blake3::Hash::from_bytes(self.file.hash).to_string())
             .with("calibration", blake3::Hash::from_bytes(self.calibration.identity()).to_string());
-        // No further facts are known of real devices. The journal notes them when they are opened.
+        // No further facts are known about real devices before they are opened. The journal then records these facts.
         let RigKind::Virtual(rig) = &self.devices else { return Ok(identity) };
         Ok(match (&self.scene, &rig.scene) {
             (Some(scene), _) => scene.identity(identity, rig.channels()),
@@ -221,13 +221,13 @@ impl RigSource {
         })
     }
 
-    /// The waiting time in seconds after a frame is confirmed.
+    /// The waiting time in seconds between the confirmation of a frame and its photo.
     pub(in crate::lab) fn settle(&self) -> f64 {
         self.file.measurement.settle.unwrap_or(self.calibration.stability.settle)
     }
 
-    /// Checks that the programs that the rig file names may run, and reports them. A program that supplies the text of a rig file has
-    /// chosen them itself. Fails as [`RigFile::require_programs_allowed`].
+    /// Checks that the programs that the rig file names may run, and reports these programs. If a program supplied the text of the rig
+    /// file, that program chose them itself, and no check is needed. Fails as [`RigFile::require_programs_allowed`].
     pub fn require_programs_allowed(&self) -> Result<()> {
         let is_ours = self.program.text.is_some();
         self.file.require_programs_allowed(is_ours || self.program.allows_programs)?;
@@ -238,7 +238,7 @@ impl RigSource {
         Ok(())
     }
 
-    /// Opens the rig whenever its raw frames are requested. A scene is traced the first time, and its matrix is kept.
+    /// Opens the rig on each request for its raw frames. A scene is traced on the first request, and its matrix is kept.
     pub fn opener(&self) -> Opener<'static> {
         let (settle, tries) = (self.settle(), self.file.measurement.tries);
         let rig = match self.devices.clone() {
@@ -270,7 +270,7 @@ impl RigSource {
         })
     }
 
-    /// Opens the rig and the stages behind it. With a journal, the rig is opened only for a photo that is not in the journal.
+    /// The rig with its processing stages. With a journal, the devices are opened only for a photo that is not in the journal.
     pub(in crate::lab) fn measured(
         &self,
         channels: Option<Channels>,
@@ -287,7 +287,7 @@ impl RigSource {
         measured(frames, &self.calibration, &self.file, (channels, self.symmetry))
     }
 
-    /// Stores beside the journal in `folder` the data of the rig that a replay needs: its note, its file and its calibration.
+    /// Stores the data of the rig that a replay needs beside the journal in `folder`: the note, the rig file and the calibration.
     pub(in crate::lab) fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
         let path = &self.file.path;
         let bytes = match &self.program.text {
@@ -311,7 +311,7 @@ impl RigSource {
         Ok(())
     }
 
-    /// Describes the rig in a run's record: its file, and the scene that virtual devices look at.
+    /// Adds the rig to a run's record: the rig file, and the scene in front of virtual devices.
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
         if let Some(scene) = &self.scene {
             scene.describe(manifest);

@@ -1,4 +1,4 @@
-//! The folder of a run as a source. Its photos answer further questions without any device.
+//! The folder of a run as a source. Its photos serve further requests without any device.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -23,9 +23,9 @@ use crate::transport::{Channels, JournaledOperator, Part};
 pub(in crate::lab) struct RunSource {
     pub(in crate::lab) folder: PathBuf,
     pub(in crate::lab) note: SourceNote,
-    /// The labels by the scene's author, if the run knew them.
+    /// The true labels that the scene's author defined, if the run knew them.
     pub(in crate::lab) truth: Option<Truth>,
-    /// The number of photos that the run was allowed to take, if it was completed.
+    /// The number of photos that the run was allowed to take, if the run was completed.
     pub(in crate::lab) photos: Option<usize>,
     /// The findings about the rig from the photos of the run.
     pub(in crate::lab) findings: Vec<Finding>,
@@ -37,7 +37,7 @@ pub(in crate::lab) struct RunPhotos {
     pub(in crate::lab) global: Vec<Vec<Product>>,
     /// Pairs with direct light.
     pub(in crate::lab) full: Vec<Vec<Product>>,
-    /// The direct light, if it is a diagonal and the run knew it.
+    /// The direct light, if the run knew it and its matrix is diagonal.
     pub(in crate::lab) direct: Option<Vec<Vec<f64>>>,
     pub(in crate::lab) ambient: Image,
 }

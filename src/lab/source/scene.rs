@@ -61,7 +61,7 @@ impl Drop for Device {
     fn drop(&mut self) {
         let Some(cache) = &self.cache else { return };
         let tracer = self.tracer();
-        // The kernels are optional in the cache: the next run can compile them again.
+        // A failure to store the kernels is ignored, since the next run can compile them again.
         tracer
             .compiled_kernels()
             .into_iter()
@@ -69,7 +69,7 @@ impl Drop for Device {
     }
 }
 
-/// Reports which part of the camera's picture is missing in photos of this resolution. The picture may be wider.
+/// Reports which part of the camera's picture is outside photos of this resolution. The picture may be wider than the photos.
 fn note_crop(scene: &Scene, resolution: Resolution, observer: &SharedObserver) {
     let camera = &scene.camera;
     let Some((share, aspect)) = camera.cropped(resolution).zip(camera.aspect) else { return };
@@ -102,7 +102,7 @@ impl SceneSource {
         Self::new(scene, tracer, trace, settings, observer)
     }
 
-    /// A scene that a program made. The cache is not used for its matrix, since the scene may differ from the file with its hash.
+    /// A scene that a program made. Its matrix is not cached, since the scene may differ from the file with the same hash.
     pub(in crate::lab) fn in_memory(
         scene: Scene,
         settings: &Settings,
@@ -125,9 +125,9 @@ impl SceneSource {
         let adapter = tracer.adapter().clone();
         let AdapterSummary { name, kind, driver_version, .. } = &adapter;
         observer.detail(format_args!("adapter   {name} ({kind}), {driver_version}"));
-        // The scene's rig may give the number of the projector's pixels.
+        // The scene's rig may define the resolution of the projector.
         let trace = TraceSettings { projector: trace.projector.or(scene.projector_resolution), ..trace };
-        // The settings are checked before a pattern of this many pixels is made.
+        // The settings are checked before a pattern of this resolution is made.
         trace.check()?;
         note_crop(&scene, trace.resolution, observer);
         let cache = settings.cache.open().map(Arc::new);
@@ -156,7 +156,7 @@ impl SceneSource {
         self.tracer().symmetric(&self.settings)
     }
 
-    /// The key of the matrix that tracing would make.
+    /// The cache key of the matrix that a trace would produce.
     pub(in crate::lab) fn key(&self, channels: Channels, split: bool) -> Key {
         Key::new(&self.scene, &self.adapter, &self.settings, channels, split)
     }
@@ -167,7 +167,7 @@ impl SceneSource {
         named.with("all that is traced", self.key(channels, false).hex())
     }
 
-    /// The named facts that a trace depends on, as far as short strings can describe them.
+    /// The named facts that a trace depends on, if short strings can describe them.
     pub(in crate::lab) fn facts(&self, channels: Channels) -> Vec<(&'static str, String)> {
         let (settings, adapter) = (&self.settings, &self.adapter);
         vec![
@@ -205,14 +205,14 @@ impl SceneSource {
         }
     }
 
-    /// The light transport matrix, in the place where products are computed: the one in memory, or else as [`Self::cached_or_traced`]. If
-    /// `split`, the second bounce is in a separate layer from the third and later ones.
+    /// The light transport matrix, on the device that computes products. If it is not in memory, it is obtained as
+    /// [`Self::cached_or_traced`]. If `split`, the second bounce is in a separate layer from the third and later bounces.
     pub(in crate::lab) fn assemble(&self, channels: Channels, split: bool) -> Result<Arc<Assembled>> {
         let (asked, mut kept) = ((channels, split), lock(&self.kept));
         match &*kept {
             Some((of, traced)) if *of == asked => Ok(Arc::clone(traced)),
             _ => {
-                // The memory may not suffice for two matrices.
+                // The previous matrix is dropped first, since the memory may not suffice for two matrices.
                 *kept = None;
                 self.keep(&mut kept, asked, self.cached_or_traced(channels, split)?)
             }
@@ -273,7 +273,7 @@ impl SceneSource {
         Ok(traced)
     }
 
-    /// Moves the matrix to the place where products are computed, and reports the place.
+    /// Moves the matrix to the device that computes products, and reports the device.
     fn place(&self, traced: &mut Assembled) -> Result<()> {
         if let Some(why) = traced.place(&self.tracer(), self.backend)? {
             self.observer.note(format_args!("note: products are computed on the processor: {why}"));
@@ -283,7 +283,7 @@ impl SceneSource {
         Ok(())
     }
 
-    /// The region that the centre of each pixel sees, at this resolution; 255 marks a pixel that sees none.
+    /// The region at the centre of each pixel, at this resolution. The label 255 marks a pixel that sees no region.
     pub(in crate::lab) fn labels(&self, resolution: Resolution) -> Result<Vec<u8>> {
         let scene = &self.scene;
         if scene.regions.len() > usize::from(NO_REGION) {
@@ -306,7 +306,7 @@ impl SceneSource {
     }
 }
 
-/// Lets the other processes of the team, if there is one, help to trace the scene.
+/// If there is a team, its other processes help to trace the scene.
 fn share(tracer: &mut Tracer, scene: &Scene, settings: &Settings, observer: &SharedObserver) -> Result<()> {
     let Some(team) = settings.team.as_ref().filter(|team| team.size() > 1) else { return Ok(()) };
     transport::share_scene(tracer, scene, settings.adapter.as_deref(), team)?;

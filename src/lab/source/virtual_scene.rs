@@ -1,4 +1,4 @@
-//! The scene or matrix that the devices of a virtual rig look at.
+//! The scene or matrix in front of the devices of a virtual rig.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::render::TraceSettings;
 use crate::rig::{VirtualRig, VirtualScene};
 use crate::transport::ExplicitMatrix;
 
-/// Opens the scene of a virtual rig. `settings` replace those of its file. Returns `None` if the rig's matrix is in a file.
+/// Opens the scene of a virtual rig. `settings` replace the settings in its file. Returns `None` if the rig's matrix is in a file.
 pub(in crate::lab) fn scene_of(
     scene: &mut VirtualScene,
     rig: &Path,
@@ -40,7 +40,7 @@ pub(in crate::lab) fn scene_of(
     }
 }
 
-/// Describes an open scene as a rig file does.
+/// Describes an open scene in the form of a rig file.
 pub(in crate::lab) fn traced_scene(scene: &SceneSource, rig: &Path) -> Result<VirtualScene> {
     let TraceSettings { resolution: size, projector, samples, max_bounces, seed, .. } = scene.settings;
     if projector.is_some_and(|projector| projector != size) {
@@ -64,7 +64,7 @@ pub(in crate::lab) fn refuse_tracing(rig: &Path, settings: &Settings) -> Result<
         .help("leave it out: the rig file says what is seen"))
 }
 
-/// The scene, traced now, or the matrix in a file.
+/// The twin of a virtual rig: the scene, traced now, or the matrix in a file.
 pub(in crate::lab) fn twin(scene: Option<&SceneSource>, devices: &VirtualRig, rig: &Path) -> Result<Twin> {
     Ok(match (scene, &devices.scene) {
         (Some(scene), _) => Twin::Traced(scene.assemble(devices.channels(), false)?),

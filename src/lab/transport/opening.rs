@@ -19,7 +19,7 @@ use crate::operator::{Operator, Symmetry};
 use crate::transport::{Assembled, Backend, Channels, Part, photo_bytes, predict};
 
 impl LightTransport {
-    /// Traces the scene, opens the rig or reads the journal. With a run's folder, the journal keeps each photo before it is used.
+    /// Traces the scene, opens the rig or reads the journal. With a run's folder, the journal keeps each photo before the photo is used.
     pub(in crate::lab) fn open(
         source: &Source,
         settings: &Settings,
@@ -168,7 +168,7 @@ impl LightTransport {
         Ok(Self { engine: retracing(scene, channels, true), ..retraced })
     }
 
-    /// Keeps the further data of a simulator beside its photos, so that the run's folder alone can be relit.
+    /// Keeps a simulator's direct light, noise and ambient light beside its photos, so that the run's folder alone can be relit.
     fn keep_known(&mut self) -> Result<()> {
         let Self { engine: Engine::Replayed(traced), journal: Some(journal), .. } = self else {
             return Ok(());
@@ -184,7 +184,7 @@ impl LightTransport {
     }
 }
 
-/// `‖E‖_F / √n` of each part, in the first channel. Direct light is assumed to have the relative noise of the whole matrix.
+/// The noise `‖E‖_F / √n` of each part, in the first channel. Direct light is assumed to have the relative noise of the whole matrix.
 pub(super) fn product_noise(traced: &Assembled) -> Option<notes::ProductNoise> {
     let noise = traced.noise.as_ref()?;
     let columns = traced.matrix.projector_resolution().pixels() as f64;
@@ -196,7 +196,7 @@ pub(super) fn product_noise(traced: &Assembled) -> Option<notes::ProductNoise> {
     })
 }
 
-/// Checks the requested channels: the channels of existing photos cannot change.
+/// Checks that the requested channels are those of photos that already exist.
 fn require_channels(channels: Channels, found: usize) -> Result<()> {
     if channels.count() == found {
         return Ok(());
@@ -208,7 +208,7 @@ fn require_channels(channels: Channels, found: usize) -> Result<()> {
     .help("give the channels of that run"))
 }
 
-/// The engine that the settings choose. `Auto` chooses the matrix, unless it would exceed the memory.
+/// The engine that the settings choose. `Auto` chooses the matrix unless its size exceeds the memory limit.
 fn of_scene(
     scene: &SceneSource,
     settings: &Settings,
@@ -227,7 +227,7 @@ fn of_scene(
         OperatorChoice::Retrace => true,
         OperatorChoice::Auto => {
             let limit = settings.memory_limit();
-            // Each process holds about an equal part of the matrix.
+            // Each process holds about the same share of the matrix, so the limit applies to each share.
             let processes = settings.team.as_ref().map_or(1, |team| team.size());
             let whole = limit.saturating_mul(processes as u64);
             let needed =
@@ -254,12 +254,12 @@ fn retracing(scene: &SceneSource, channels: Channels, states_errors: bool) -> En
     Engine::Retraced(Retracing { scene: Box::new(scene.clone()), channels, states_errors })
 }
 
-/// The bytes of memory for photos of a scene without a matrix. The limit for a matrix, `--memory`, may be lower.
+/// The bytes of memory for the photos of a scene without a matrix. The option `--memory` may set a lower limit, but only for a matrix.
 fn without_matrix(settings: &Settings) -> u64 {
     settings.memory_limit().max(Settings::default().memory_limit())
 }
 
-/// Checks that a separately traced photo takes no more than `limit` bytes of memory.
+/// Checks that a photo traced without a matrix takes at most `limit` bytes of memory.
 pub(in crate::lab) fn require_photo_memory(
     scene: &SceneSource,
     limit: u64,

@@ -1,5 +1,4 @@
-//! Light that an answer was not computed from: light paths with another seed, or one more photo of a rig. A compensation is verified by a
-//! photo of it.
+//! Light that is independent of an answer: light paths with another seed, or a further photo of a rig (for a compensation, of its pattern).
 
 use std::f64::consts::SQRT_2;
 use std::sync::{Arc, Mutex};
@@ -17,8 +16,8 @@ use crate::operator::Operator;
 use crate::transport::{EstimatedProduct, Part, Question, Retraced, pooled, with_other_seed};
 
 impl Lab {
-    /// Operators of a scene, one for each channel, traced with another seed. They state the errors of their products. Each product traces
-    /// the scene once more. The result is `None` for other sources, and for one light path per pixel, since its noise is not known.
+    /// Operators of a scene, one for each channel, traced with another seed. Each product traces the scene once more and states its errors.
+    /// Returns `None` for other sources. Also returns `None` for one light path per pixel, because the noise is then unknown.
     pub(crate) fn independent_operators(&mut self, part: Part) -> Result<Option<Vec<LabOperator>>> {
         let Source::Scene(scene) = &self.source else { return Ok(None) };
         if scene.settings.samples < 2 {
@@ -31,7 +30,7 @@ impl Lab {
         Ok(Some((0..self.channels.count()).map(operator).collect()))
     }
 
-    /// Products with light that no answer was computed from, if such light exists.
+    /// Products by light that is independent of the answer, if such light exists.
     pub(in crate::lab) fn independent(
         &mut self,
         part: Part,
@@ -65,8 +64,8 @@ impl Lab {
         }
     }
 
-    /// Verifies a compensation with a photo of its pattern by independent light. The photo includes the ambient light. The residual is that
-    /// of the photo without noise. A rig whose colours mix is not supported. Fails as [`Lab::operator`].
+    /// Verifies a compensation with a photo of its pattern by independent light. The photo includes the ambient light. The residual is
+    /// computed from the photo without noise. A rig whose colours mix is not supported. Fails as [`Lab::operator`].
     pub fn verify_compensation(&mut self, found: &Compensation) -> Result<Option<Verified>> {
         let ambient = self.ambient()?;
         let mut predicted = self.predicted(&[(&found.pattern, &found.observed)], &ambient);
@@ -74,7 +73,7 @@ impl Lab {
         if matches!(self.source, Source::Rig(_))
             && let Some(rig) = lock(self.transport()?).rig()
         {
-            // The prediction and the photo are each rounded to the projector's levels, with independent errors.
+            // The predicted and the independent photo are each rounded to the projector's levels. Their errors are independent, hence √2.
             let rounding = rig.measurement.rounding(&found.pattern)?;
             predicted.iter_mut().zip(rounding).for_each(|(one, norm)| one.stated = SQRT_2 * norm);
         }
@@ -93,7 +92,7 @@ impl Lab {
         let photo = Image::from_planes(resolution, &seen)?;
         let errors: Vec<Vec<f64>> = products.iter().map(|product| product.error.clone()).collect();
         let errors = Image::from_planes(resolution, &errors)?;
-        // A photo of a rig states standard errors, whereas light paths give a single draw of the error.
+        // The photo of a rig states standard errors. Light paths give a single draw of the error, so their errors are pooled.
         let standard_error = if by == Independent::AnotherSeed { pooled(&errors)? } else { errors };
         let compared = photos_compared(by, &predicted, &products);
         let verification = self.checked(by, "the photo of the compensation", &compared, |_| None);

@@ -1,9 +1,9 @@
-//! Verification of answers with light that they were not computed from. For a scene it comes from light paths with another seed, and for a
-//! rig from one more photo. Runs, models and matrices have no such light.
+//! Verification of answers with light that is independent of them. For a scene, such light consists of light paths with another seed. For a
+//! rig, it is one more photo. Runs, models and matrices have no independent light.
 //!
-//! The null hypothesis is that the answer is right within the stated errors. These are the errors of the independent photo, the errors of
-//! the photos or of the frozen matrix that the answer was computed from, and the residuals that the answer states. A compensation on a rig
-//! adds the rounding of its pattern to the projector's levels.
+//! The null hypothesis is that the answer is right within the stated errors. The stated errors combine three sources: the errors of the
+//! independent photo, the errors of the photos or of the frozen matrix behind the answer, and the residuals that the answer states. For a
+//! compensation on a rig, the rounding of its pattern to the projector's levels is added.
 
 mod independent;
 
@@ -29,10 +29,10 @@ use crate::transport::{EstimatedProduct, Part, Question, Squares};
 const AS_MANY_PATHS: f64 = 1.0;
 
 /// The same ratio for two photos of a rig. The standard errors that a rig states are true to a factor of 1.3 (`stated_errors_of_rigs`), so
-/// the variance of both together may be 1.3² times the stated one.
+/// the sum of both variances may be 1.3² times the stated sum.
 const AS_A_RIG_STATES: f64 = 2.0 * 1.3 * 1.3 - 1.0;
 
-/// In 999 of 1000 cases, the sum of residuals with random signs is at most this many times the root of their sum of squares.
+/// In 999 of 1000 cases, a sum of residuals with random signs is at most this factor times the root of the sum of their squares.
 const SIGNED: f64 = 3.3;
 
 /// A pattern and the photo that an answer predicts for it, in one channel.
@@ -64,16 +64,16 @@ type PairsWithPhotos = (VerifiedEigenpairs, Vec<Vec<f64>>, Vec<EstimatedProduct>
 pub struct VerifiedEigenpairs {
     /// The accuracy of the predicted photos of the eigenvectors.
     pub verification: Verification,
-    /// Estimates of the scene's eigenpairs, one for each that was found; empty for a rig, since its one photo shows all pairs together.
+    /// Estimates of the scene's eigenpairs, one for each pair found. There are none for a rig, since its photo shows all pairs together.
     pub estimates: Vec<EigenpairEstimate>,
-    /// The remaining confidence of labels, for each number of groups: the share of the pixels that independent light puts into the same
-    /// group. It is 0 if the verification fails. The list is empty for eigenpairs alone.
+    /// For each number of groups, the share of the pixels that independent light assigns to the same group. It limits the confidence of the
+    /// labels, and is 0 if the verification fails. The list is empty for eigenpairs alone.
     pub supported: Vec<(usize, f64)>,
 }
 
 impl VerifiedEigenpairs {
-    /// The number of eigenvectors that are noise of the matrix, in a segmentation that counts `regions` regions. Such eigenvectors keep
-    /// less than [`KEPT`] of their light under independent light.
+    /// The number of eigenvectors that are only noise of the matrix, in a segmentation that counts `regions` regions. Under independent
+    /// light, such an eigenvector keeps a smaller share of its light than [`KEPT`].
     pub fn refuted(&self, regions: usize) -> usize {
         let counted = self.estimates.iter().take(regions.saturating_sub(1));
         counted.filter(|estimate| estimate.quotient[0] + 2.0 * estimate.quotient[1] < KEPT).count()
@@ -81,8 +81,8 @@ impl VerifiedEigenpairs {
 }
 
 impl Lab {
-    /// Verifies eigenpairs of one part of the light transport matrix, by the products of all eigenvectors with another seed's light paths,
-    /// or by one photo of their sum with random signs. `None` without independent light or for complex pairs.
+    /// Verifies eigenpairs of one part of the light transport matrix. For a scene, light paths with another seed give the product of each
+    /// eigenvector. For a rig, one photo shows the sum of all, with random signs. `None` without independent light or for complex pairs.
     pub fn verify_eigenpairs(&mut self, part: Part, found: &Eigs) -> Result<Option<VerifiedEigenpairs>> {
         if found.imaginary_values.iter().any(|&value| value != 0.0) || found.values.is_empty() {
             return Ok(None);
@@ -100,7 +100,7 @@ impl Lab {
     }
 
     /// Verifies a segmentation of the light of `part` by the normalized cut, `G u = λ D u`, as [`Lab::verify_eigenpairs`]. The estimates
-    /// cover all eigenvalues but the first, which is known. Fails as [`Lab::operator`].
+    /// cover all eigenvalues except the first, which is known. Fails as [`Lab::operator`].
     pub fn verify_segmentation(
         &mut self,
         part: Part,
@@ -142,7 +142,8 @@ impl Lab {
         Ok(Some(verified))
     }
 
-    /// Verifies eigenpairs: each by light paths with another seed, which give `estimates`, or their sum with random signs by one photo.
+    /// Verifies eigenpairs. For a scene, light paths with another seed give the product of each vector, and these products give
+    /// `estimates`. For a rig, one photo shows the sum of the vectors with random signs.
     fn verify_pairs(
         &mut self,
         part: Part,
@@ -175,7 +176,7 @@ impl Lab {
         };
         let compared: Vec<Compared> = photos.iter().zip(&products).zip(stated).map(compared).collect();
         let verification = self.checked(by, "photos of the eigenvectors", &compared, |at| {
-            // The share of its light that a vector keeps shows whether it is noise of its matrix.
+            // The quotient of an eigenvector, the share of light that it keeps, shows whether it is only noise of the matrix.
             let estimate: &EigenpairEstimate = estimates.get(at)?;
             let [kept, error] = estimate.quotient;
             Some(format!(
@@ -188,7 +189,7 @@ impl Lab {
         Ok(verification.map(|verification| (verified(verification), photos, products)))
     }
 
-    /// Verifies a captured model with the relit photos. On a rig it uses only the first one, to take one photo. Fails as [`Lab::operator`].
+    /// Verifies a captured model with its relit photos. A rig takes one photo, of the first relit pattern. Fails as [`Lab::operator`].
     pub fn verify_relighting(&mut self, model: &SavedModel, relit: &[Relit]) -> Result<Option<Verification>> {
         let of = "relit photos";
         if matches!(self.source, Source::Rig(_)) {
@@ -199,7 +200,7 @@ impl Lab {
             }
             return self.verify(Part::Full, of, &predicted);
         }
-        // Each relit photo already contains this comparison.
+        // Each relit photo was already compared with independent light.
         let by = Independent::AnotherSeed;
         let comparisons = relit.iter().filter_map(|relit| {
             let squares = relit.comparison?;
@@ -210,8 +211,7 @@ impl Lab {
     }
 
     /// Verifies a separation with the photo of a checkerboard whose squares are three pixels wide. The photo shows the direct light of the
-    /// white squares and half of the global light.
-    /// `error` is the relative error of the direct light. Fails as [`Lab::operator`].
+    /// white squares, and about half of the global light. `error` is the relative error of the direct light. Fails as [`Lab::operator`].
     pub fn verify_separation(
         &mut self,
         direct: &Planes,
@@ -223,8 +223,8 @@ impl Lab {
             return Ok(None);
         }
         let pattern = checkerboard(size, 3);
-        // The global light of the squares differs from half of the whole. A scene's matrix gives the difference. For a rig it is unknown,
-        // and at most another half.
+        // The global light under the checkerboard differs from half of the global light under white. A scene's matrix gives the difference.
+        // For a rig the difference is unknown, and is at most another half.
         let signs: Vec<f64> = pattern.iter().map(|x| x - 0.5).collect();
         let mut resolving = match self.source {
             Source::Scene(_) => Some(self.reference_operators(Part::Global)?),
@@ -268,7 +268,7 @@ impl Lab {
         Ok(self.checked(by, of, &photos_compared(by, predicted, &products), |_| None))
     }
 
-    /// Independent photos of the patterns, which are in ascending order of channel.
+    /// Independent photos of the patterns. The patterns must be in ascending order of channel.
     fn products_of(
         &mut self,
         part: Part,
@@ -287,7 +287,8 @@ impl Lab {
         Ok(by.map(|by| (by, products)))
     }
 
-    /// Judges a comparison, and notes it in the record of the open run. `cause` explains the largest deviation. `None` without light.
+    /// Judges the comparisons of photos, and records the verification in the open run. `cause` explains the largest deviation. Returns
+    /// `None` if the photos contain no light.
     fn checked(
         &mut self,
         by: Independent,
@@ -297,7 +298,7 @@ impl Lab {
     ) -> Option<Verification> {
         let squares: Squares = photos.iter().map(|photo| photo.squares).sum();
         let judged = judge(photos).filter(|_| squares.product > 0.0)?;
-        // Photos of pure noise have no light to compare with.
+        // For photos of pure noise, the errors are relative to the noisy photos themselves.
         let nothing = || [squares.difference, squares.noise].map(|square| (square / squares.product).sqrt());
         let [error, noise] = squares.relative().unwrap_or_else(nothing);
         let resolution = judged.resolution.min(f64::MAX);
@@ -324,7 +325,7 @@ impl Lab {
     }
 }
 
-/// Compares one predicted photo with the independent one.
+/// Compares one predicted photo with the independent one, from their sums of squares.
 fn compared(by: Independent, squares: Squares, stated: f64) -> Compared {
     let (own, is_frozen) = match by {
         Independent::AnotherSeed => (AS_MANY_PATHS, true),
@@ -333,7 +334,7 @@ fn compared(by: Independent, squares: Squares, stated: f64) -> Compared {
     Compared { squares, own, stated, is_frozen, signs: None }
 }
 
-/// Compares a predicted photo with a product. The errors of light paths are draws of their noise.
+/// Compares a predicted photo with a product. The errors that light paths give are draws of the noise.
 fn of_product(by: Independent, product: &EstimatedProduct, photo: &[f64], stated: f64) -> Compared {
     let compared = compared(by, product.squares(photo), stated);
     let signs = compared.is_frozen.then(|| product.signs(photo, compared.own, compared.allowed()));
@@ -345,7 +346,7 @@ fn photos_compared(by: Independent, predicted: &[Predicted], products: &[Estimat
     each.map(|(one, product)| of_product(by, product, &one.photo, one.stated)).collect()
 }
 
-/// The coordinates of pixels according to a segmentation, and according to independent light, for each eigenvector or for their sum.
+/// The coordinates of pixels along the eigenvectors, or along their one sum: by the segmentation, and by independent light.
 fn coordinates(
     found: &Segmentation,
     pairs: &Eigenpairs<'_>,
@@ -380,7 +381,7 @@ impl Eigenpairs<'_> {
         each.map(|(pattern, &shift)| Question { pattern, shift }).collect()
     }
 
-    /// The photo of each vector, `λ W u`.
+    /// The predicted photo `λ W u` of each vector.
     fn photos(&self) -> impl Iterator<Item = Vec<f64>> {
         let photo = |(vector, value): (&Vec<f64>, &f64)| {
             vector.iter().zip(self.weights).map(|(entry, weight)| value * weight * entry).collect()
@@ -388,13 +389,13 @@ impl Eigenpairs<'_> {
         self.vectors.iter().zip(self.values).map(photo)
     }
 
-    /// A photo in the norm of `W^-½`, in which a generalized eigenvector has norm 1.
+    /// Multiplies a photo by `W^-½`. In the resulting norm, a generalized eigenvector has norm 1.
     fn unit(&self, photo: &[f64]) -> Vec<f64> {
         let each = photo.iter().zip(self.weights);
         each.map(|(y, weight)| if *weight > 0.0 { y / weight.sqrt() } else { 0.0 }).collect()
     }
 
-    /// A product in the norm of `W^-½`.
+    /// Multiplies a product by `W^-½`, as [`Self::unit`].
     fn normalized(&self, product: &EstimatedProduct) -> EstimatedProduct {
         EstimatedProduct {
             product: self.unit(&product.product),
@@ -416,7 +417,7 @@ impl Eigenpairs<'_> {
             channel: 0,
             pattern: sum(&mut self.vectors.iter().cloned()),
             photo: sum(&mut self.photos()),
-            // Residuals may lie along one direction. Their sum then depends on their signs.
+            // The residuals may be parallel, so that their sum depends on the signs.
             stated: (SIGNED * norm(self.residuals)).min(self.residuals.iter().sum()),
         }
     }

@@ -75,7 +75,7 @@ impl Legend {
         Self::Scale { colors, labels: vec![brief(low), brief(high)], unit: String::new() }
     }
 
-    /// The same scale with a unit. Legends other than scales are unchanged.
+    /// The scale with a unit. Legends other than scales are unchanged.
     #[must_use]
     pub fn with_unit(self, of: &str) -> Self {
         match self {
@@ -85,7 +85,7 @@ impl Legend {
     }
 }
 
-/// A percentage such as `34 %`, with more digits if rounding would hide a difference from 0 or 100 %.
+/// A percentage such as `34 %`. It has more digits if rounding would hide a difference from 0 or 100 %.
 fn percent(fraction: f64) -> String {
     match 100.0 * fraction {
         percent if (99.5..100.0).contains(&percent) => format!("{percent:.1}\u{202f}%"),

@@ -25,7 +25,7 @@ pub struct Report {
     pub sections: Vec<Section>,
     /// Files of the run's folder that the page links to.
     pub files: Vec<FileLink>,
-    /// The address of a page that holds the matrix and shows its rows; may be empty.
+    /// The address of a page that contains the matrix and shows its rows; may be empty.
     pub paint: String,
     /// Text at the end, e.g. the command line that produces the same page again.
     pub footer: String,
@@ -34,7 +34,7 @@ pub struct Report {
 /// The result in one sentence, and whether it is good enough.
 #[derive(Clone, Debug, Default)]
 pub struct Verdict {
-    /// Selects how the sentence is marked.
+    /// The quality of the result, which determines how the sentence is marked.
     pub outcome: Outcome,
     /// The sentence.
     pub sentence: String,
@@ -43,12 +43,12 @@ pub struct Verdict {
 /// The quality of a result. The exit status agrees with it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Outcome {
-    /// As good as requested.
+    /// The result is as good as requested.
     #[default]
     Good,
-    /// Completed, but not good enough.
+    /// The command was completed, but the result is not good enough.
     Short,
-    /// Not completed.
+    /// The command was not completed.
     Failed,
 }
 
@@ -70,7 +70,7 @@ pub enum Block {
     Figures(Vec<Figure>),
     /// One plot over the full width.
     Plot {
-        /// An SVG document, as made by [`plot`](super::plot). It is embedded unescaped: never pass text from elsewhere.
+        /// An SVG document, as made by [`plot`](super::plot). It is embedded without escapes, so it must not contain text from elsewhere.
         svg: String,
         /// Text below the plot; may be empty.
         caption: String,
@@ -93,7 +93,7 @@ pub enum Block {
         /// Text above the table; may be empty.
         caption: String,
     },
-    /// A statement from the literature beside our measurements.
+    /// A statement from the literature, compared with our measurements.
     Claim {
         /// The source and the statement.
         statement: [String; 2],
@@ -126,9 +126,9 @@ impl Block {
 pub struct Measured {
     /// The rig or method that was measured.
     pub title: String,
-    /// The way of measuring.
+    /// The way in which the numbers were measured.
     pub text: String,
-    /// Whether the numbers confirm the statement, in a word or two.
+    /// Whether the numbers confirm the statement, in one or two words.
     pub verdict: Verdict,
     /// The numbers in order.
     pub numbers: Vec<Number>,
@@ -141,9 +141,9 @@ pub struct Number {
     pub what: String,
     /// The value, formatted.
     pub value: String,
-    /// The bound and by how much the value misses it; empty if the value has no bound.
+    /// The bound, and the distance by which the value misses it; empty if the value has no bound.
     pub wanted: String,
-    /// Whether the value meets the bound; `None` if it has no bound.
+    /// Whether the value meets the bound; `None` without a bound.
     pub outcome: Option<Outcome>,
 }
 
@@ -154,17 +154,17 @@ pub struct Figure {
     pub png: Vec<u8>,
     /// Text below the picture.
     pub caption: String,
-    /// The meaning of its colours.
+    /// The meaning of the picture's colours.
     pub legend: Legend,
-    /// The values that it shows; `None` if the page does not know them.
+    /// The values of the picture's pixels; `None` if the page does not know them.
     pub values: Option<Values>,
     /// A short name; may be empty.
     pub name: String,
-    /// The file with its values and the place in its array, such as `eigenvectors.npy[3]`; may be empty.
+    /// The file that contains the values, and the index in its array, such as `eigenvectors.npy[3]`; may be empty.
     pub file: String,
     /// The quantity by which a slider selects pictures, e.g. `eigenvector`; empty for pictures that are always shown.
     pub series: String,
-    /// The names of the pictures that it can be flipped with.
+    /// The names of the pictures that the reader can flip to.
     pub flips: Vec<String>,
 }
 
@@ -181,7 +181,7 @@ impl Figure {
         Self { series: series.to_owned(), ..self }
     }
 
-    /// Allows the picture to be flipped with others.
+    /// Allows the reader to flip from this picture to others.
     #[must_use]
     pub fn flipped_with<const N: usize>(self, names: [&str; N]) -> Self {
         Self { flips: names.map(str::to_owned).to_vec(), ..self }
@@ -193,11 +193,11 @@ impl Figure {
 pub struct RunCard {
     /// The run's folder, relative to the page.
     pub folder: String,
-    /// The address of its page, relative to the index; empty if it has none.
+    /// The address of the run's page, relative to the index; empty if there is no page.
     pub page: String,
-    /// The address of a picture, relative to the index; empty if it has none.
+    /// The address of the run's picture, relative to the index; empty if there is no picture.
     pub picture: String,
-    /// The state of the run, and its sentence.
+    /// The state of the run, and the sentence about its result.
     pub verdict: Verdict,
     /// Facts such as verb, source, photos and time.
     pub facts: Vec<(String, String)>,

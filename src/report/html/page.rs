@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::report::text;
 use crate::report::web::{COLOR, FORMAT, Module, VALUES, VIEW, bundle};
 
-/// The modules of the page. Each follows those that it imports.
+/// The script modules of the page. Each module is listed after the modules that it imports.
 const MODULES: [Module; 12] = [
     FORMAT,
     COLOR,
@@ -29,7 +29,7 @@ const MODULES: [Module; 12] = [
     ("report.js", include_str!("../web/report.js")),
 ];
 
-/// The placeholder for the size of the page, which is known after rendering.
+/// The placeholder for the size of the page, since the size is known only after rendering.
 const SIZE: &str = "\u{1}size\u{1}";
 
 pub(super) fn render(report: &Report) -> Result<String> {
@@ -67,12 +67,12 @@ impl Page<'_> {
         bundle(&MODULES)
     }
 
-    /// The data about a picture for the scripts, by its place, counted from 1.
+    /// The data that the scripts need about a picture. The picture is given by its position, counted from 1.
     fn about(&self, section: &usize, block: &usize, number: &usize) -> &str {
         self.embedded.about([section - 1, block - 1, number - 1])
     }
 
-    /// A sentence about the size of the page and the place of its pictures' values.
+    /// A sentence about the size of the page, and about where the values of its pictures are stored.
     fn size(&self) -> String {
         format!("This page takes {SIZE}. {}", self.embedded.sentence())
     }
@@ -89,7 +89,7 @@ impl Page<'_> {
         STANDARD.encode(png)
     }
 
-    /// Inline SVG in HTML needs no namespace. Without it the page contains no URL at all.
+    /// Removes the namespace of an SVG document, which inline SVG in HTML does not need. The page then contains no URL at all.
     fn inline(&self, svg: &str) -> String {
         svg.replacen(r#" xmlns="http://www.w3.org/2000/svg""#, "", 1)
     }
@@ -101,7 +101,7 @@ impl Page<'_> {
         if cells.peek().is_some() && cells.all(|cell| is_number(cell)) { "number" } else { "" }
     }
 
-    /// Whether a table is wider than a phone's 350 pixels, at 7 pixels per letter and 12 between columns. Text wraps between
+    /// Whether a table is wider than the 350 pixels of a phone. A letter has 7 pixels, and columns are 12 pixels apart. Text wraps between
     /// words, to lines of at least 14 letters.
     fn is_wide(&self, headers: &[String], rows: &[Vec<String>]) -> bool {
         let length = |text: &str| text.chars().count();
@@ -140,14 +140,14 @@ impl Page<'_> {
     }
 }
 
-/// Whether a cell is a number: `12`, `−0.5`, `3.1e-4`, `97.3 %`, `1.2 s`, `–` (none).
+/// Whether the text of a cell is a number: `12`, `−0.5`, `3.1e-4`, `97.3 %`, `1.2 s`, `–` (none).
 fn is_number(cell: &str) -> bool {
     let normal = cell.trim().replace('\u{2212}', "-");
     let first = normal.split_whitespace().next().unwrap_or_default().trim_end_matches('%');
     matches!(first, "–" | "—") || (first.parse::<f64>().is_ok() && normal.split_whitespace().count() <= 2)
 }
 
-/// A relative path as an address. Each byte of a special character is written as `%` and its code.
+/// A relative path as an address. Each byte of a special character is written as `%` and its hexadecimal code.
 pub(super) fn address(path: &str) -> String {
     path.bytes()
         .map(|byte| match byte {
@@ -189,7 +189,8 @@ static DEFINITIONS: LazyLock<HashMap<&str, String>> = LazyLock::new(|| {
     let rows =
         GLOSSARY.lines().filter_map(|line| line.strip_prefix("| ")?.strip_suffix(" |")?.split_once(" | "));
     let terms = rows.filter(|(term, _)| !term.starts_with('`') && !term.starts_with("--"));
-    // Words of the field come last. If a column has the same name, the definition of the column wins.
+    // The glossary lists general terms of the field last. If a column has the same name as such a term, the definition of the column is
+    // used.
     let mut found = HashMap::new();
     for (term, definition) in terms {
         found.entry(term).or_insert_with(|| plain(definition));
@@ -197,7 +198,7 @@ static DEFINITIONS: LazyLock<HashMap<&str, String>> = LazyLock::new(|| {
     found
 });
 
-/// The terms that have a definition, each once, with their definitions.
+/// The definitions of those terms that have one. Each term occurs once.
 fn definitions<'a>(terms: impl IntoIterator<Item = &'a str>) -> Vec<(&'static str, &'static str)> {
     let mut found: Vec<(&str, &str)> = Vec::new();
     for term in terms {

@@ -1,4 +1,4 @@
-//! The exact values of pictures, as the page's scripts read them.
+//! The exact values of pictures, in the format that the page's scripts read.
 
 use std::collections::HashMap;
 
@@ -11,10 +11,10 @@ use crate::image::{Image, Resolution};
 use crate::report::palette::MASKED_LABEL;
 use crate::report::web::deflated;
 
-/// The maximum number of bytes for the values of all pictures in a page. Other values must be read from the files of the run.
+/// The maximum number of bytes for the values of all pictures in a page. Further values are only in the files of the run.
 pub const MOST_BYTES: usize = 8 << 20;
 
-/// The values of a picture's pixels. A page holds them in single precision: 24 bits, about seven digits.
+/// The values of a picture's pixels. The page stores them in single precision: 24 bits, about seven digits.
 #[derive(Clone, Debug)]
 pub struct Values {
     /// The picture's size.
@@ -23,14 +23,14 @@ pub struct Values {
     pub kind: Kind,
     /// One plane, or red, green and blue; each row by row from the top.
     pub planes: Vec<Vec<f32>>,
-    /// The unit of the values; empty for dimensionless ones.
+    /// The unit of the values; empty for dimensionless values.
     pub unit: String,
 }
 
 /// The meaning of a picture's values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
-    /// Light, which the picture shows up to `white`. The page can develop it at other exposures.
+    /// Light. The picture shows it up to `white`. The page can develop it at other exposures.
     Light {
         /// The value that is shown as white.
         white: f64,
@@ -39,11 +39,11 @@ pub enum Kind {
     Number,
     /// Entries of an eigenvector.
     Eigenvector {
-        /// The eigenvalue of the normalized cut, which lets the page compute rows of the matrix; `None` for other eigenvectors.
+        /// The eigenvalue of the normalized cut, with which the page computes rows of the matrix; `None` for other eigenvectors.
         eigenvalue: Option<f64>,
-        /// The factor that converts entries to the coordinates that groups are made of; `None` if there are no groups.
+        /// The factor from entries to the coordinates that groups are computed from; `None` if there are no groups.
         weight: Option<f64>,
-        /// The range that entries are clamped to before they are multiplied.
+        /// The range to which entries are clamped before the multiplication by `weight`.
         range: (f64, f64),
     },
     /// Numbers of groups.
@@ -51,7 +51,7 @@ pub enum Kind {
 }
 
 impl Values {
-    /// An image's light, shown up to `white`.
+    /// The light of an image, shown up to `white`.
     pub fn of_light(image: &Image, white: f64, unit: &str) -> Self {
         let channels = image.channels();
         let plane = |channel| image.samples().iter().skip(channel).step_by(channels).copied().collect();
@@ -75,7 +75,7 @@ impl Values {
         Self { size, kind: Kind::Label, planes: vec![plane], unit: String::new() }
     }
 
-    /// The data about a figure with these values for the scripts, as a JSON object.
+    /// The data that the scripts need about a figure with these values, as a JSON object.
     fn describe(&self, figure: &Figure) -> Value {
         let mut about = match self.kind {
             Kind::Light { white } => json!({ "kind": "light", "white": white }),
@@ -97,7 +97,7 @@ impl Values {
     }
 }
 
-/// Floats as text, deflated, in base64. The first bytes of all floats come first, then the second bytes, and so on: they deflate better.
+/// Floats as text, deflated, in base64. The first bytes of all floats come first, then all second bytes, and so on, which deflates better.
 pub(super) fn packed(planes: &[Vec<f32>]) -> String {
     let numbers: Vec<[u8; 4]> = planes.iter().flatten().map(|value| value.to_le_bytes()).collect();
     let bytes: Vec<u8> = (0..4).flat_map(|place| numbers.iter().map(move |number| number[place])).collect();
@@ -106,11 +106,11 @@ pub(super) fn packed(planes: &[Vec<f32>]) -> String {
 
 #[derive(Default)]
 pub(super) struct Embedded {
-    /// The data for the scripts about the picture at (section, block, number), as JSON.
+    /// The data that the scripts need about each picture, as JSON. The key is (section, block, number).
     about: HashMap<[usize; 3], String>,
-    /// The names and texts of the values that are embedded.
+    /// The names and the packed texts of the embedded values.
     pub(super) sections: Vec<(String, String)>,
-    /// The number of pictures whose values did not fit.
+    /// The number of pictures whose values exceeded the limit of the page.
     pub(super) left_out: usize,
 }
 
@@ -150,12 +150,12 @@ impl Embedded {
         self.about.insert(at, about.to_string());
     }
 
-    /// The data about a picture for the scripts; empty if it has no values.
+    /// The data that the scripts need about a picture; empty if it has no values.
     pub(super) fn about(&self, at: [usize; 3]) -> &str {
         self.about.get(&at).map_or("", String::as_str)
     }
 
-    /// A sentence about the place of the pictures' values; empty for a page without values.
+    /// A sentence about where the values of the pictures are stored; empty for a page without values.
     pub(super) fn sentence(&self) -> String {
         let bytes: usize = self.sections.iter().map(|(_, text)| text.len()).sum();
         let mut text = match self.sections.len() {
@@ -204,7 +204,7 @@ mod tests {
 
     #[test]
     fn a_page_holds_no_more_values_than_it_may() {
-        // Random bits do not deflate, so each of these planes takes more than a quarter of the room.
+        // Random bits do not deflate, so the values of each plane take more than a quarter of the limit.
         let size = Resolution::new(800, 800);
         let mut state = 1_u64;
         let mut noise = || {

@@ -1,4 +1,4 @@
-//! The scripts of pages: plain JavaScript modules, joined into one script, since a page opened from a file cannot load others.
+//! The scripts of pages: plain JavaScript modules, joined into one script, because a page opened from a file cannot load other files.
 
 use std::io::Write;
 
@@ -24,8 +24,8 @@ pub const NUMPY: Module = ("numpy.js", include_str!("numpy.js"));
 /// Exact values of pictures, and bytes from text.
 pub const VALUES: Module = ("values.js", include_str!("values.js"));
 
-/// Joins modules into one script without imports. Each keeps a separate scope and must follow those that it imports. Imports and exports
-/// are statements of one line each: `import { a, b } from "./file.js";` and `export function`, `class` or `const`.
+/// Joins modules into one script without imports. Each module has a separate scope, and must be listed after the modules that it imports.
+/// Imports and exports are statements of one line each: `import { a, b } from "./file.js";` and `export function`, `class` or `const`.
 pub fn bundle(modules: &[Module]) -> String {
     let mut script = String::from("\"use strict\";\nconst modules = {};\n");
     for (file, text) in modules {
@@ -52,7 +52,7 @@ pub fn bundle(modules: &[Module]) -> String {
         }
         script += &format!("return {{ {} }};\n}})();\n", exports.join(", "));
     }
-    // A closing tag ends a script wherever it occurs, so it is escaped.
+    // A closing tag would end the script wherever it occurs, so it is escaped.
     script.replace("</script", "<\\/script")
 }
 
@@ -66,7 +66,7 @@ fn name_of(declared: &str) -> Option<&str> {
     declared.split(|c: char| !c.is_alphanumeric() && c != '_').find(|word| !word.is_empty())
 }
 
-/// Bytes as text for a page: deflated (zlib), in base64. A higher `level` is slower and packs better.
+/// Bytes as text for a page: deflated (zlib), in base64. A higher `level` is slower and compresses better.
 pub fn deflated(bytes: &[u8], level: Compression) -> String {
     let mut encoder = ZlibEncoder::new(Vec::new(), level);
     // Writing to memory cannot fail.
@@ -74,9 +74,9 @@ pub fn deflated(bytes: &[u8], level: Compression) -> String {
     STANDARD.encode(packed)
 }
 
-/// JSON as the content of a script element. It contains nothing that could end the element.
+/// JSON as the content of a script element. No part of it can end the element.
 pub fn embedded_json(value: &impl serde::Serialize) -> String {
-    // Only a map with keys other than strings cannot be JSON.
+    // The conversion to JSON fails only for a map whose keys are not strings.
     serde_json::to_string(value).unwrap_or_default().replace('<', "\\u003c")
 }
 

@@ -19,17 +19,17 @@ use crate::report::run::AnswerPage;
 pub struct Compensated {
     /// The pattern, its photo, and the history of the method.
     pub found: Compensation,
-    /// Its options.
+    /// The options of the method.
     pub options: CompensateOptions,
-    /// All methods with the same number of photos; empty if they were not requested.
+    /// The runs of all methods with the same number of photos; empty if they were not requested.
     pub methods: Vec<MethodRun>,
-    /// The photo of the compensation by independent light, and its distance from the target; `None` before [`Answer::verify`].
+    /// The photo of the compensation by independent light, and its residual; `None` before [`Answer::verify`].
     pub verified: Option<Verified>,
     /// The name and the unit of the model that answered without photos.
     pub(super) model: Option<(String, String)>,
-    /// Whether the colours of projector and camera mix, so that a photo is not the sum of what single channels see.
+    /// Whether the colours of projector and camera mix. If so, a photo is not the sum of the photos of single channels.
     pub(super) is_mixed: bool,
-    /// The file in the open run that the user projects.
+    /// The file in the open run that contains the pattern to project.
     pub(super) file: Option<PathBuf>,
 }
 
@@ -55,7 +55,7 @@ impl Compensated {
         self.options.method.facts().name
     }
 
-    /// A warning about the cost of clamping, if it is large.
+    /// A warning about the cost of clamping, if this cost is large.
     fn warning(&self) -> Option<String> {
         self.found.clamping.as_ref().and_then(Clamping::warning)
     }
@@ -183,7 +183,7 @@ fn residuals(rows: &[CompensationRow]) -> Vec<f64> {
     rows.iter().map(|row| row.residual).collect()
 }
 
-/// The structural similarity; `–` for an image of few pixels.
+/// The structural similarity as text; `–` for an image with too few pixels.
 pub(super) fn ssim(of: &Similarity) -> String {
     of.ssim.map_or("–".into(), |ssim| format!("{ssim:.4}"))
 }

@@ -84,12 +84,12 @@ pub struct Compensate {
     pub compare_methods: bool,
 }
 
-/// A picture in the request: a file, or pixel values.
+/// A picture in a request: a file, or pixel values.
 #[derive(Clone, Debug)]
 pub enum Picture {
     /// A `.npy`, `.exr` or `.png` file.
     File(PathBuf),
-    /// The pixels themselves; a record does not hold them.
+    /// The pixel values. The record of a run does not contain them.
     Pixels(Image),
 }
 
@@ -120,7 +120,7 @@ impl<'de> Deserialize<'de> for Picture {
 pub enum Mixing {
     /// Measured by three photos of red, green and blue.
     Measure,
-    /// What each camera channel sees of each projector colour, row by row.
+    /// The response of each camera channel to each projector colour, row by row.
     #[serde(untagged)]
     Matrix([[f64; 3]; 3]),
 }
@@ -160,7 +160,7 @@ impl Verb for Compensate {
         if self.target.is_none() {
             return Err(no_target());
         }
-        // A model needs no photos.
+        // Zero photos pass this check, since they are valid with a model.
         let options = self.options(true, None);
         CompensateOptions { photos: options.photos.max(1), ..options }.check()?;
         match self.crosstalk {
@@ -195,7 +195,7 @@ impl Verb for Compensate {
         Ok(())
     }
 
-    /// Finds the pattern from photos of the source, or from a model of its light.
+    /// Finds the pattern, either from photos of the source or from a model of its light transport.
     fn answer(&self, lab: &mut Lab) -> Result<Compensated> {
         if self.model.is_some() || lab.has_saved_model() {
             return self.by_model(lab);
@@ -221,7 +221,7 @@ impl Verb for Compensate {
 }
 
 impl Compensate {
-    /// The options of the method for symmetric or other light transport. `photos_of_run` is the default budget of a replayed run.
+    /// The options of the method. `is_symmetric` describes the light transport. `photos_of_run` is the default budget of a replayed run.
     pub fn options(&self, is_symmetric: bool, photos_of_run: Option<usize>) -> CompensateOptions {
         let base = match self.paper {
             true => CompensateOptions::paper(is_symmetric, 0.1),
@@ -244,7 +244,7 @@ impl Compensate {
         }
     }
 
-    /// Refuses options that the prediction of a rig's answer does not support, with [`Error::Option`].
+    /// Refuses options for which a plan cannot predict the answer on a rig, with [`Error::Option`].
     pub fn check_plan(&self) -> Result<()> {
         let given = [
             (self.peak.is_some(), "--peak"),
@@ -256,7 +256,7 @@ impl Compensate {
         not_planned(Self::NAME, &given)
     }
 
-    /// The target, checked for its size and its values.
+    /// The target image. Its size and its values are checked.
     ///
     /// # Errors
     /// [`Error::Option`] naming `--target`, or [`Error::Data`] and [`Error::Read`] naming its file.
@@ -291,7 +291,8 @@ impl Compensate {
         Ok(image)
     }
 
-    /// Answers from a model of the light. The model of the source answers without any photo. The model of `--model` is corrected by photos.
+    /// Computes the answer from a model of the light transport. A model of the source needs no photo. A model from `--model` is corrected
+    /// by photos.
     fn by_model(&self, lab: &mut Lab) -> Result<Compensated> {
         let mut model = match &self.model {
             Some(folder) => open_model(folder, lab.observer())?,
@@ -325,11 +326,11 @@ impl Compensate {
         Ok(Compensated::new(self, found, options, lab))
     }
 
-    /// Prior knowledge beside the photos.
+    /// Knowledge about the light transport beside the photos.
     fn prior(&self, options: &CompensateOptions, lab: &mut Lab) -> Result<Prior> {
         let geometry = match (options.precondition, lab.scene()) {
             (Some(Precondition::Geometry), Ok(scene)) => predicted_direct(scene, lab.resolution()),
-            // Without a scene, the solver reports that its shape is not known.
+            // Without a scene, the solver reports that the shape of the scene is unknown.
             _ => Vec::new(),
         };
         let (crosstalk, photos) = match self.crosstalk {
@@ -347,7 +348,7 @@ impl Compensate {
             }
         };
         let mut crosstalk = match crosstalk {
-            // A rig's products are measured with gray patterns.
+            // The products of a rig are measured with gray patterns, so the crosstalk is expressed relative to white.
             Some(crosstalk) if !lab.is_simulated()? => Some(crosstalk.relative_to_white()?),
             crosstalk => crosstalk,
         };

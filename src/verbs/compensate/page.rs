@@ -23,7 +23,7 @@ impl Compensated {
         let text = "Photos are developed alike. Errors are of all channels together.";
         page.section("Seen and projected", text, [figures, similarity(self)]);
         page.files.text("residuals.csv", &residuals::csv("photo", &rows(&found.history)))?;
-        // An answer from a model has no photos, hence no convergence history.
+        // A model takes no photos, so its answer has no convergence history.
         if !found.history.is_empty() {
             convergence(self, page);
         }
@@ -49,8 +49,8 @@ impl Compensated {
         Ok(())
     }
 
-    /// The `.png` of the compensation holds the pattern itself (sRGB, readable as a pattern). The `.png` files of the target, the observed
-    /// and the uncompensated photo share one exposure.
+    /// The `.png` file of the compensation contains the pattern itself (sRGB, readable as a pattern). The `.png` files of the target, of
+    /// the observed photo and of the uncompensated photo share one exposure.
     fn figures(&self, page: &mut AnswerPage<'_>) -> Result<Vec<Figure>> {
         let found = &self.found;
         let scale = exposure(&found.target);
@@ -116,7 +116,7 @@ fn convergence(run: &Compensated, page: &mut AnswerPage<'_>) {
     page.section("Convergence", text, [residuals::plot("photos", &lines, marks, caption)]);
 }
 
-/// The residuals of an unconstrained method whose answers are clamped to the projector's range.
+/// The residuals of an unconstrained method whose solutions are clamped to the projector's range.
 fn clamping(run: &Compensated, clamping: &Clamping, page: &mut AnswerPage<'_>) {
     let (own, displayed, boxed) =
         (rows(&run.found.history), rows(&clamping.displayed), rows(&clamping.boxed));
@@ -133,7 +133,7 @@ fn clamping(run: &Compensated, clamping: &Clamping, page: &mut AnswerPage<'_>) {
     page.section("What clamping does", text, [residuals::plot("photos", &lines, marks, caption)]);
 }
 
-/// The residuals of every method at equal photo counts, and on a rig at equal frames.
+/// The residuals of every method after the same number of photos, and on a rig also after the same number of frames.
 fn compared(run: &Compensated, page: &mut AnswerPage<'_>) {
     let methods = &run.methods;
     let marks = || vec![(run.found.uncompensated_residual, "uncompensated".to_owned())];
@@ -156,13 +156,13 @@ fn compared(run: &Compensated, page: &mut AnswerPage<'_>) {
     page.section("Every method at equal photos", text, blocks);
 }
 
-/// The displayed residuals of a method over its frames; empty if photos are computed.
+/// The residuals of a method's displayed patterns over its frames; empty if photos are computed.
 fn over_frames(method: &MethodRun) -> Vec<Row> {
     let at = |(row, &frames): (&CompensationRow, &u64)| (frames as usize, row.residual);
     method.displayed.iter().zip(&method.frames).map(at).collect()
 }
 
-/// A table of the final result of each method.
+/// A table of the last result of each method.
 fn at_the_end(methods: &[MethodRun]) -> Block {
     let number = |value: f64| decimal(value, 4);
     let row = |method: &MethodRun| {
@@ -192,7 +192,8 @@ fn similarity(run: &Compensated) -> Block {
     Block::table(headers, rows, "What is seen against the target; the data range is the peak")
 }
 
-/// The content of `methods.csv`: the displayed residual of each method after each photo, and its frames (empty if photos are computed).
+/// The content of `methods.csv`: the residual of each method's displayed pattern after each photo, and the frames (empty if none are
+/// taken).
 fn csv(methods: &[MethodRun]) -> String {
     let mut text = String::from("method,photo,frames,relative_residual_displayed\n");
     for method in methods {

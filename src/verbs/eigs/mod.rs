@@ -110,7 +110,7 @@ pub enum End {
 pub enum Spectrum {
     /// Eigenpairs of a square matrix.
     Pairs(Eigenpairs),
-    /// Singular values with patterns and their photos.
+    /// Singular values with their patterns and photos.
     Triplets(SingularTriplets),
 }
 
@@ -168,8 +168,8 @@ impl Eigs {
         }
     }
 
-    /// Eigenpairs of one part of the light transport matrix. If a model of a run's photos answers, their standard errors are the bounds.
-    /// Fails as [`eigs()`] and [`Lab::operator`].
+    /// Eigenpairs of one part of the light transport matrix. If a model from a run's photos computes them, their standard errors are set
+    /// to the error bounds. Fails as [`eigs()`] and [`Lab::operator`].
     pub fn pairs(&self, lab: &mut Lab) -> Result<Eigenpairs> {
         let mut options = self.options(lab.seed(), lab.photos_of_run());
         options.noise = self.noise(lab)?;
@@ -179,7 +179,7 @@ impl Eigs {
         lab.expect(options.products + photos);
         let options = &EigsOptions { confirm, ..options };
         let mut found = lab.photos(|_| eigs(&mut operator, options))?;
-        // The error of a model is not noise that averages out over the pixels. It makes all large eigenvalues smaller.
+        // The error of a model does not average out over the pixels as noise does, because it makes all large eigenvalues smaller.
         if lab.is_model()? {
             found.standard_errors.clone_from(&found.bounds);
         }
@@ -188,7 +188,7 @@ impl Eigs {
         Ok(Eigenpairs::new(found, self, picture(lab, lab.projector_resolution())))
     }
 
-    /// Singular values of one part of the light transport matrix, with patterns and photos. Every second photo uses the transpose.
+    /// Singular values of one part of the light transport matrix, with patterns and photos. Every second photo is one of the transpose.
     ///
     /// # Errors
     /// As [`singular()`] and [`Lab::operator`]; a rig that is not coaxial cannot take photos of its transpose
@@ -207,7 +207,7 @@ impl Eigs {
         Ok(SingularTriplets::new(found, self, sizes))
     }
 
-    /// The noise of products, which ends the search if no tolerance is given.
+    /// The noise of products. If no tolerance is given, the search ends at this level.
     fn noise(&self, lab: &mut Lab) -> Result<f64> {
         if self.tolerance.is_some() {
             return Ok(0.0);
@@ -216,12 +216,12 @@ impl Eigs {
     }
 }
 
-/// Vectors are pictures of this size, unless the source is a matrix.
+/// The size of the pictures that show vectors. It is `None` if the source is a matrix.
 fn picture(lab: &Lab, size: Resolution) -> Option<Resolution> {
     (lab.kind() != SourceKind::Matrix).then_some(size)
 }
 
-/// Checks that the eigenvalues of a rig's light are possible: none may exceed the largest row sum, which the white photo shows.
+/// Checks that the eigenvalues of a rig's light are possible. None may exceed the largest row sum, which the white photo shows.
 fn possible_of(lab: &mut Lab, part: Part, found: &krylov::Eigs) -> Result<Option<Finding>> {
     let most = lab.with_measurement(|measurement| {
         let mut sums = measurement.white()?.planes.swap_remove(0).values;
@@ -244,7 +244,7 @@ fn possible_of(lab: &mut Lab, part: Part, found: &krylov::Eigs) -> Result<Option
     }))
 }
 
-/// The confirmation of an answer by photos, and the largest number of further photos for it.
+/// The options for confirming an answer by further products, and the largest number of photos for these products.
 fn confirm_within(asked: Option<Confirm>, operator: &LabOperator) -> (Option<Confirm>, usize) {
     let confirm =
         asked.map(|confirm| if operator.is_free() { confirm } else { confirm.on_rig(operator.cols()) });
@@ -262,7 +262,8 @@ fn missing(completeness: Completeness, (found, wanted): (usize, usize), products
     }
 }
 
-/// Whether all wanted pairs or triplets were found and meet the tolerance. If it is not `strict`, the noise of the photos suffices.
+/// The finding about convergence: whether all wanted pairs or triplets were found and meet the tolerance. If it is not `strict`, residuals
+/// within the noise of the photos suffice.
 fn converged(name: &'static str, statuses: &[PairStatus], wanted: usize, strict: bool) -> Finding {
     let is_good = |status: &&PairStatus| match status {
         PairStatus::Converged => true,
@@ -285,7 +286,7 @@ fn in_words(statuses: &[PairStatus]) -> Vec<&'static str> {
     statuses.iter().map(word).collect()
 }
 
-/// The shape of vectors: `k×H×W` for pictures of `size`, otherwise `k×n`.
+/// The shape of an array of vectors: `k×H×W` for pictures of `size`, otherwise `k×n`.
 fn shape(size: Option<Resolution>, vectors: &[Vec<f64>]) -> Vec<usize> {
     match size {
         Some(Resolution { width, height }) => vec![vectors.len(), height, width],
@@ -293,7 +294,7 @@ fn shape(size: Option<Resolution>, vectors: &[Vec<f64>]) -> Vec<usize> {
     }
 }
 
-/// `(photos, values, residuals)` after each photo.
+/// Converts the history into `(photos, values, residuals)` after each photo.
 fn history(rows: &[HistoryRow]) -> Vec<(usize, &[f64], &[f64])> {
     rows.iter().map(|row| (row.products, row.values.as_slice(), row.residuals.as_slice())).collect()
 }

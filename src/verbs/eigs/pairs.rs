@@ -16,24 +16,24 @@ use crate::report::run::AnswerPage;
 use crate::report::spectrum;
 use crate::transport::Part;
 
-/// Eigenpairs, with the number that was wanted.
+/// Eigenpairs, with the requested number of pairs.
 #[derive(Clone, Debug)]
 pub struct Eigenpairs {
     /// The eigenpairs.
     pub found: krylov::Eigs,
-    /// The number that was wanted.
+    /// The requested number of pairs.
     pub wanted: usize,
-    /// Estimates of the scene's eigenpairs by independent light, one for each that was found; empty before [`Answer::verify`].
+    /// Estimates of the scene's eigenpairs by independent light, one for each pair found; empty before [`Answer::verify`].
     pub estimates: Vec<EigenpairEstimate>,
-    /// The resolution of a vector, if vectors are pictures.
+    /// The resolution of a vector, if vectors are shown as pictures.
     pub size: Option<Resolution>,
     part: Part,
-    /// Whether a tolerance was requested. A result within the noise does not meet it.
+    /// Whether a tolerance was requested. If so, residuals within the noise do not suffice.
     is_strict: bool,
 }
 
 impl Eigenpairs {
-    /// Eigenpairs that answer the request `asked`. `size` is the resolution of vectors if they are pictures.
+    /// The answer to the request `asked`. `size` is the resolution of vectors, if they are shown as pictures.
     pub fn new(found: krylov::Eigs, asked: &Eigs, size: Option<Resolution>) -> Self {
         let (part, is_strict) = (asked.part.into(), asked.tolerance.is_some());
         Self { found, wanted: asked.count, estimates: Vec::new(), size, part, is_strict }
@@ -67,7 +67,7 @@ impl Eigenpairs {
                 value => format!(" {} i", signed(value, 8)),
             };
             let value = match self.estimates.get(index) {
-                // The estimate above states the error.
+                // The estimate by independent light, printed above, states the error.
                 Some(of) => rounded(found.values[index], of.standard_error).to_string(),
                 None => with_error(found.values[index], found.standard_errors[index]) + &imaginary,
             };
@@ -112,7 +112,7 @@ impl Answer for Eigenpairs {
         }
         content.array("eigenvectors", &shape(self.size, &found.vectors), found.vectors.concat());
         if self.is_complex() {
-            // Real eigenpairs have empty imaginary vectors.
+            // Real eigenpairs have empty imaginary vectors, which are filled with zeros here.
             let padded = found.imaginary_vectors.iter().map(|vector| match vector.is_empty() {
                 true => vec![0.0; length],
                 false => vector.clone(),

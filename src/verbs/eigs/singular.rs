@@ -12,16 +12,16 @@ use crate::report::html::{Block, Figure};
 use crate::report::run::AnswerPage;
 use crate::report::spectrum;
 
-/// Singular triplets, with the number that was wanted.
+/// Singular triplets, with the requested number of triplets.
 #[derive(Clone, Debug)]
 pub struct SingularTriplets {
     /// The triplets.
     pub found: Singular,
-    /// The number that was wanted.
+    /// The requested number of triplets.
     pub wanted: usize,
-    /// The resolutions of photos and of patterns, if vectors are pictures.
+    /// The resolutions of photos and of patterns, if vectors are shown as pictures.
     pub sizes: Option<[Resolution; 2]>,
-    /// Whether a tolerance was requested. A result within the noise does not meet it.
+    /// Whether a tolerance was requested. If so, residuals within the noise do not suffice.
     is_strict: bool,
 }
 

@@ -15,34 +15,34 @@ use crate::report::content::Content;
 use crate::report::run::AnswerPage;
 use crate::report::text::percentage;
 
-/// A captured model and its answers.
+/// A captured model and the photos that it predicts.
 #[derive(Clone, Debug)]
 pub struct Relighting {
     /// The model.
     pub model: SavedModel,
-    /// Photos that this run took.
+    /// The number of photos that this run took.
     pub photos: usize,
-    /// Relit patterns.
+    /// The scene relit with each pattern.
     pub relit: Vec<Relit>,
     /// Dual photographs.
     pub duals: Vec<Dual>,
     /// Photos without interreflections.
     pub reduced: Vec<Reduced>,
-    /// The model's error for each number of photos, if the matrix is known.
+    /// The model's error after each number of photos, if the matrix is known.
     pub curve: Vec<RankRow>,
     /// The largest acceptable error of a relit photo, if one is given.
     pub(super) max_error: Option<f64>,
     pub(super) place: ModelPlace,
 }
 
-/// The present place of the model.
+/// The place where the model is stored at present.
 #[derive(Clone, Debug)]
 pub(super) enum ModelPlace {
-    /// Only memory. The model is written with the answer.
+    /// The model is only in memory, and is written with the answer.
     Memory,
-    /// The source folder. The model is not copied.
+    /// The model is in the source folder, and is not copied.
     Source,
-    /// This folder, as these files. If the answer is written to another folder, the model is copied there.
+    /// The model is in this folder, in these files. If the answer is written to another folder, the model is copied to that folder.
     Folder(PathBuf, Vec<String>),
 }
 
@@ -60,12 +60,12 @@ impl Relighting {
         }
     }
 
-    /// The largest error of a relit photo, if it is known.
+    /// The largest error of a relit photo, if the errors are known.
     pub fn worst(&self) -> Option<f64> {
         self.relit.iter().filter_map(|relit| relit.errors.last().copied()).reduce(f64::max)
     }
 
-    /// The largest error of a relit photo and the largest acceptable one, if both are known.
+    /// The largest error of a relit photo and the largest acceptable error, if both are known.
     fn judged(&self) -> Option<[f64; 2]> {
         Some([self.worst()?, self.max_error?])
     }

@@ -1,4 +1,4 @@
-//! Low-rank relighting: a capture of the light transport, and answers from it without further photos.
+//! Low-rank relighting: the light transport is captured once, and the captured model then predicts photos without taking any.
 
 mod answer;
 mod page;
@@ -22,7 +22,7 @@ pub use answer::Relighting;
 
 /// Capture light transport in a few dozen photos, and relight the scene with any pattern
 ///
-/// The run's folder keeps the model. GivenArray as SOURCE, it relights with other patterns without any photo, and without a
+/// The run's folder keeps the model. Given as SOURCE, it relights with other patterns without any photo, and without a
 /// graphics device. So does the folder of a `segment`, `eigs` or `compensate` run: a model is made of the photos in its journal
 /// (a rough one of `eigs` without `--part global`, whose photos go to direct light).
 #[derive(Clone, Debug, clap::Args, Serialize, Deserialize)]
@@ -61,14 +61,14 @@ pub struct Relight {
     pub questions: Option<Questions>,
 }
 
-/// Named questions to a model.
+/// Named images for a model to compute with.
 #[derive(Clone, Debug, Default)]
 pub struct Questions {
-    /// Patterns of the projector's pixels to relight with.
+    /// Patterns in the projector's pixels, to relight the scene with.
     pub patterns: Vec<(String, Image)>,
-    /// Patterns of the camera's pixels, for dual photographs.
+    /// Patterns in the camera's pixels, for dual photographs.
     pub duals: Vec<(String, Image)>,
-    /// Photos whose interreflections are to be removed, with the ambient light.
+    /// Photos, with ambient light, whose interreflections are to be removed.
     pub photographs: Vec<(String, Planes)>,
 }
 
@@ -82,7 +82,7 @@ impl Verb for Relight {
     const NAME: &'static str = "relight";
     type Answer = Relighting;
 
-    /// A run has the channels of its photos. Other requested channels are refused once the run is open.
+    /// The channels of the request. A run has the channels of its photos. If others are requested, they are refused once the run is open.
     fn channels(&self, source: &Path) -> Result<ChannelChoice> {
         Ok(match (self.channels, SourceKind::of(source)) {
             (_, SourceKind::Run) => ChannelChoice::Native,
@@ -113,11 +113,11 @@ impl Verb for Relight {
             .help("leave it out, or give the scene or the rig"));
         }
         check_vectors("--block", self.block(), lab.projector_resolution().pixels())?;
-        // An unusable file is reported before anything is traced.
+        // This call reports unusable files before anything is traced.
         self.questions_to(lab).map(drop)
     }
 
-    /// Takes `patterns`, `duals` and `photographs` in place of files.
+    /// Takes an array for `patterns`, `duals` or `photographs` in place of a file.
     fn give(&mut self, given: GivenArray) -> Result<()> {
         let (questions, image) = (self.questions.get_or_insert_default(), given.image()?);
         match given.field.as_str() {
@@ -128,8 +128,8 @@ impl Verb for Relight {
         Ok(())
     }
 
-    /// Captures the light transport and asks the model, or asks the model of the source without a photo. A captured model is written into
-    /// the folder of the open run at once. The journal omits the photos of a scene, since a simulator also computes the truth.
+    /// Captures the light transport as a model, or uses the source's model without taking a photo. A captured model is written into the
+    /// folder of the open run at once. The journal omits the photos of a scene, since a simulator also computes the truth.
     fn answer(&self, lab: &mut Lab) -> Result<Relighting> {
         let questions = self.questions_to(lab)?;
         if lab.has_model() {
@@ -154,9 +154,9 @@ impl Verb for Relight {
             })?;
         }
         lab.timed("relighting", |lab| {
-            // The model contains the noise of the captured photos, so the truth is computed with light paths of another seed.
+            // The truth is computed with light paths of another seed, since the model contains the noise of the captured photos.
             let full = lab.independent_operators(Part::Full)?;
-            // Interreflections are removed by hundreds of products, which only the scene's own matrix makes affordable.
+            // The removal of interreflections takes hundreds of products. Only the scene's own matrix makes them affordable.
             let global = match lab.assembled()? {
                 Some(_) => Some(lab.reference_operators(Part::Global)?),
                 None => None,
@@ -168,7 +168,7 @@ impl Verb for Relight {
 }
 
 impl Relight {
-    /// The number of patterns that are chosen beforehand. The default suffices to distinguish the twelve cups of a carton.
+    /// The number of patterns that are chosen beforehand. Its default is large enough to distinguish the twelve cups of a carton.
     fn block(&self) -> usize {
         self.block.unwrap_or(12)
     }
@@ -187,7 +187,7 @@ impl Relight {
         })
     }
 
-    /// The patterns by name, or white if none is given.
+    /// The patterns by name. If none is given, white is used.
     fn images(&self, resolution: Resolution, channels: usize) -> Result<Vec<(String, Image)>> {
         let white = [Pattern::White];
         let patterns = if self.patterns.is_empty() { &white[..] } else { &self.patterns };
@@ -203,7 +203,7 @@ impl Relight {
     }
 }
 
-/// A photo to be reduced, by name, with the model's number of channels. A coloured photo is weighted by luminance for a gray model.
+/// A named photo from a file, with the model's number of channels. For a gray model, a coloured photo is weighted by luminance.
 fn photograph(path: &Path, camera: Resolution, channels: usize) -> Result<(String, Planes)> {
     let image = picture::read_sized(path, camera, "the camera")?;
     let planes = match (image.channels(), channels) {
@@ -221,7 +221,7 @@ fn photograph(path: &Path, camera: Resolution, channels: usize) -> Result<(Strin
     Ok((path.display().to_string(), planes))
 }
 
-/// Asks the model. `[full, global]` are operators of the truth, if it is known.
+/// Computes all requested photos with the model. `[full, global]` are operators of the truth, if the truth is known.
 fn ask(
     answer: &mut Relighting,
     questions: &Questions,
@@ -252,7 +252,7 @@ mod tests {
         let mut lab = Lab::builder_of_scene(builtin::zigzag().to_scene()).size(24, 24).samples(64).open()?;
         let mut model = lab.ask(&Relight { photos: Some(20), block: Some(4), ..Relight::default() })?;
         let worst = model.worst().unwrap_or(f64::NAN);
-        // White is among the photos of the model, so the model contains the noise of the white photo, and thus of the matrix.
+        // The noise of the matrix is included in the model, because white is among the captured photos.
         let noise = lab.noise()?.map_or(f64::NAN, |noise| noise.white_relative);
         assert!((worst / noise - 1.0).abs() < 0.5, "{worst} {noise}");
         let Some(checked) = model.verify(&mut lab)? else { unreachable!("a scene") };

@@ -116,7 +116,7 @@ impl Relighting {
         Ok(plot::lines(axes, known.iter().map(line).collect(), caption))
     }
 
-    /// The error of the model matrix after each photo.
+    /// Writes the plot of the model matrix's error after each photo.
     fn curve(&self, page: &mut AnswerPage<'_>) -> Result<()> {
         if self.curve.is_empty() {
             return Ok(());

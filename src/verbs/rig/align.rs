@@ -1,4 +1,4 @@
-//! The alignment of camera and projector, round by round.
+//! The alignment of camera and projector in rounds.
 
 use std::path::PathBuf;
 
@@ -56,7 +56,7 @@ impl Align {
         AlignOptions { patterns: self.patterns, asymmetry: self.asymmetry, ..AlignOptions::default() }
     }
 
-    /// Takes the rounds, and hands each with its number to `each`. Fails if the rig does or `each` does;
+    /// Takes the rounds, and passes the number and the result of each round to `each`. Fails if the rig or `each` fails;
     /// [`Error::Interrupted`](crate::Error::Interrupted) when the observer stops the work.
     pub fn ask(&self, bench: &BenchRig, mut each: impl FnMut(u64, Round) -> Result<()>) -> Result<()> {
         let mut frames = bench.open()?;
@@ -75,7 +75,7 @@ impl Align {
         Ok(())
     }
 
-    /// Whether the round found camera and projector at one point.
+    /// Whether camera and projector have the same point of view in this round.
     pub fn is_aligned(&self, round: &Round) -> bool {
         matches!(round, Round::Found(found) if found.is_aligned(&self.options()))
     }
@@ -97,7 +97,7 @@ impl Align {
         let symmetry = found.symmetry.as_ref().and_then(|check| Some((check.value?, check.error?)));
         let symmetry = symmetry
             .map_or_else(String::new, |(value, error)| format!(", asymmetry {value:.3} ± {error:.3}"));
-        // Something black, or a shadow that no light falls into.
+        // A dark area is either a black object, or a shadow without any light.
         let dark = match found.dark {
             dark if dark < 5e-4 => String::new(),
             dark => format!(", nothing seen in {:.1} %", 100.0 * dark),

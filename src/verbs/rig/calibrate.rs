@@ -1,4 +1,4 @@
-//! The calibration of a rig from captures: a folder with curves, pictures, a report and a page.
+//! The calibration of a rig from captures, stored in a folder with curves, pictures, a report and a page.
 
 use std::path::{Path, PathBuf};
 
@@ -53,16 +53,16 @@ impl Default for Calibrate {
     }
 }
 
-/// A calibration in its folder.
+/// A finished calibration.
 #[derive(Clone, Debug)]
 pub struct Calibrated {
     /// The accuracy of the calibration.
     pub report: CalibrationReport,
-    /// The photos and the time of the calibration.
+    /// The number of photos and the time that the calibration took.
     pub effort: Effort,
     /// The folder.
     pub folder: PathBuf,
-    /// Whether the rig file names the folder, and what was said about that.
+    /// Whether the rig file names the folder, and a line that reports this.
     used: (bool, Option<String>),
 }
 
@@ -107,7 +107,7 @@ impl Calibrate {
 }
 
 impl Calibrated {
-    /// The figures, and where they are.
+    /// The figures of the calibration, and the path of its folder.
     pub fn content(&self) -> Content<'static> {
         let mut content = measured_figures(&self.report);
         content.line(format_args!("wrote     {}", self.folder.display()));
@@ -122,7 +122,7 @@ impl Calibrated {
     }
 }
 
-/// The figures of a calibration, and the lines about them.
+/// The figures of a calibration, and the lines that describe them.
 pub fn measured_figures(report: &CalibrationReport) -> Content<'static> {
     let mut content = Content::default();
     report.lines().iter().for_each(|[of, text]| content.line(format_args!("{of:<9} {text}")));
@@ -131,8 +131,8 @@ pub fn measured_figures(report: &CalibrationReport) -> Content<'static> {
     content
 }
 
-/// Writes `report.json`, `projector-curve.svg`, `latency.svg`, `drift.svg` and `footprints.png` into `folder`. The last one shows the
-/// number of camera pixels per projector pixel; brighter is more. Fails with [`Error::Write`].
+/// Writes `report.json`, `projector-curve.svg`, `latency.svg`, `drift.svg` and `footprints.png` into `folder`. The last file shows the
+/// number of camera pixels for each projector pixel; brighter is more. Fails with [`Error::Write`].
 fn write_files(folder: &Path, calibration: &Calibration, report: &CalibrationReport) -> Result<()> {
     let path = folder.join("report.json");
     let text = serde_json::to_string_pretty(report).map_err(|error| Error::writing(&path)(error.into()))?;
@@ -185,7 +185,7 @@ fn page(
     })
 }
 
-/// The plots with the names of their files and their captions.
+/// The plots with their file names and captions.
 fn plots(
     calibration: &Calibration,
     report: &CalibrationReport,

@@ -1,4 +1,4 @@
-//! Questions to the devices of a rig while somebody sets it up. They need no laboratory, and most of them no calibration.
+//! Requests to the devices of a rig while it is set up. They need no laboratory, and most of them no calibration.
 
 mod align;
 mod calibrate;
@@ -24,7 +24,7 @@ use crate::report::content::Content;
 use crate::report::stages;
 use crate::rig::{AttachedDevices, CameraInfo, Helper, MonitorInfo, ProjectorInfo, RawFrame, VirtualScene};
 
-/// Refuses a source, given as this argument, that is not a rig. Errors: [`Error::Option`].
+/// Refuses a source that is not a rig. `argument` is the command line argument that names the source. Errors: [`Error::Option`].
 pub fn require_rig(path: &Path, argument: &str) -> Result<()> {
     if SourceKind::of(path) == SourceKind::Rig {
         return Ok(());
@@ -33,16 +33,16 @@ pub fn require_rig(path: &Path, argument: &str) -> Result<()> {
         .help("give a rig file (.toml): this verb asks devices"))
 }
 
-/// A rig at the bench, of which little may be known yet.
+/// A rig that is being set up. It may lack a calibration.
 pub struct BenchRig {
     /// The rig.
     pub source: RigSource,
-    /// The calibration, if there is one that can be used.
+    /// The calibration, if there is a usable one.
     pub known: Option<Calibration>,
 }
 
 impl BenchRig {
-    /// Loads the calibration that the rig file names. If it cannot be used, a note gives the reason.
+    /// Loads the calibration that the rig file names. If the calibration is unusable, a note gives the reason.
     pub fn new(source: RigSource) -> Self {
         let known = source.file.load_calibration().transpose();
         if let Err(why) = &known {
@@ -51,7 +51,7 @@ impl BenchRig {
         Self { source, known: known.ok().flatten() }
     }
 
-    /// Opens the devices. When the observer stops the work, frames end with [`Error::Interrupted`].
+    /// Opens the devices. When the observer stops the work, the next frame fails with [`Error::Interrupted`].
     pub fn open(&self) -> Result<Box<dyn FrameSource>> {
         let mut frames = self.source.opener()(None)?;
         frames.set_settle(self.settle());
@@ -63,12 +63,12 @@ impl BenchRig {
         self.source.file.settle(self.known.as_ref())
     }
 
-    /// The given exposure, or the longest one in the rig file.
+    /// The given exposure, or else the longest one in the rig file.
     pub fn exposure(&self, given: Option<f64>) -> Option<f64> {
         given.or(self.source.file.longest_exposure())
     }
 
-    /// Starts a preview of a pattern, with this exposure in seconds. A warning says if no exposure suits white. Fails if the rig does.
+    /// Starts a preview of a pattern, with this exposure in seconds. Warns if no exposure suits white. Fails if the rig fails.
     pub fn preview(&self, pattern: &crate::image::Image, exposure: Option<f64>) -> Result<LivePreview> {
         let known = self.known.as_ref().map(|known| &known.camera);
         let (preview, outcome) = LivePreview::new(self.open()?, known, pattern, self.exposure(exposure))?;
@@ -79,7 +79,7 @@ impl BenchRig {
     }
 }
 
-/// Frames until the observer stops the work.
+/// A source of frames that fails once the observer stops the work.
 struct Interruptible {
     frames: Box<dyn FrameSource>,
     observer: SharedObserver,
@@ -149,12 +149,12 @@ impl Default for CheckBench {
 }
 
 impl CheckBench {
-    /// Checks a rig, or the error of reading its file, and hands each finding to `report`. Fails with [`Error::Interrupted`] alone.
+    /// Checks a rig, or the error of reading its file, and passes each finding to `report`. Fails only with [`Error::Interrupted`].
     pub fn ask(&self, source: Result<RigSource>, report: &mut rig_check::Report<'_>) -> Result<Findings> {
         let source = source.and_then(|source| source.require_programs_allowed().map(|()| source));
         let bench = match source {
             Ok(source) => BenchRig { source, known: None },
-            // Only errors of the rig are findings.
+            // An error of the rig becomes a finding. Other errors are returned.
             Err(error) => return rig_check::unreadable(error, report),
         };
         let rig = RigToCheck {
@@ -166,7 +166,7 @@ impl CheckBench {
         rig_check::check(rig, report)
     }
 
-    /// The facts of the findings, and the sentence about them.
+    /// The facts of the findings, and a sentence about them.
     pub fn content(findings: &Findings) -> Content<'static> {
         let mut content = Content::default();
         content.line(findings.sentence());
@@ -228,7 +228,7 @@ pub struct ListDevices {
 }
 
 impl ListDevices {
-    /// Searches for devices. Returns whether there are any, too. Fails if the rig file cannot be read.
+    /// Searches for devices. The returned flag tells whether there are any. Fails if the rig file cannot be read.
     pub fn ask(&self) -> Result<(Content<'static>, bool)> {
         let file = self.file.as_deref().map(RigFile::load).transpose()?;
         let (hardware, other) = match file.as_ref().map(|file| &file.kind) {
@@ -276,7 +276,7 @@ impl ListDevices {
     }
 }
 
-/// What `krylux info` tells of a rig file.
+/// The lines of `krylux info` about a rig file.
 pub fn about(file: &RigFile) -> Content<'static> {
     let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
     let scene = match &file.kind {

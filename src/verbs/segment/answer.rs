@@ -14,12 +14,12 @@ use crate::report::content::Content;
 use crate::report::run::AnswerPage;
 use crate::transport::Part;
 
-/// The groups, with the further results that were requested.
+/// A segmentation with the further results that were requested.
 #[derive(Clone, Debug)]
 pub struct Segmented {
-    /// The groups.
+    /// The segmentation into groups.
     pub segmentation: Segmentation,
-    /// The pixels of labels and eigenvectors.
+    /// The resolution of labels and eigenvectors.
     pub resolution: Resolution,
     /// The direct light, if it was measured.
     pub direct: Option<Separation>,
@@ -27,24 +27,24 @@ pub struct Segmented {
     pub evidence: Vec<Evidence>,
     /// The chosen pixels in the space of eigenvectors.
     pub features: Option<FeatureView>,
-    /// The standard deviation in pixels of the Gaussian that blurred patterns and photos; 0 for none.
+    /// The standard deviation, in pixels, of the Gaussian blur of patterns and photos; 0 for none.
     pub blur: f64,
-    /// Whether the graph is that of `A Aᵀ`, for a matrix that is not symmetric. Every second photo then uses the transpose.
+    /// Whether the graph is that of `A Aᵀ`, as for a matrix `A` that is not symmetric. Every second photo is then one of the transpose.
     pub there_and_back: bool,
     /// The true labels, if they are known.
     pub truth: Option<Truth>,
-    /// The adjusted Rand index for each number of groups; empty without true labels.
+    /// The adjusted Rand index against the true labels, for each number of groups; empty without true labels.
     pub scores: Vec<(usize, f64)>,
-    /// Estimates of the scene's eigenvalues by independent light, without the first, which is known; empty before [`Answer::verify`].
+    /// Estimates of the scene's eigenvalues by independent light, except the first, which is known; empty before [`Answer::verify`].
     pub estimates: Vec<EigenpairEstimate>,
-    /// The share of the confidence that independent light supports, for each number of groups; empty before [`Answer::verify`].
+    /// For each number of groups, the share of the confidence that independent light supports; empty before [`Answer::verify`].
     pub supported: Vec<(usize, f64)>,
-    /// The number of eigenvectors that were counted as regions and that independent light refutes.
+    /// The number of eigenvectors that were counted as regions, but are refuted by independent light.
     pub refuted: usize,
     pub(super) part: Part,
     pub(super) cut: Cut,
     pub(super) is_of_photos_as_taken: bool,
-    /// Whether one region was divided into two groups only because no number of groups was requested.
+    /// Whether there is one region, which was divided into two groups only because no number of groups was requested.
     pub(super) is_undivided: bool,
     pub(super) min_rand_index: Option<f64>,
 }
@@ -83,7 +83,7 @@ impl Segmented {
         Ok(self)
     }
 
-    /// The share of certain labels, limited by independent light; `None` for a number of groups that was not requested.
+    /// The share of pixels with certain labels, limited by independent light; `None` for a number of groups that was not requested.
     pub fn share_of_sure(&self, groups: usize) -> Option<f64> {
         let supported = self.supported.iter().find(|(of, _)| *of == groups).map_or(1.0, |(_, share)| *share);
         self.segmentation.share_of_sure(groups).map(|sure| sure * supported)
@@ -93,7 +93,7 @@ impl Segmented {
         self.segmentation.mask.iter().filter(|&&masked| masked).count()
     }
 
-    /// The estimate of the scene's eigenvalue for eigenvector `index`. The first one has none, since it is known.
+    /// The estimate of the scene's eigenvalue for eigenvector `index`; `None` for the first, whose eigenvalue is known.
     fn estimate(&self, index: usize) -> Option<&EigenpairEstimate> {
         self.estimates.get(index.checked_sub(1)?)
     }
@@ -241,7 +241,7 @@ impl Segmented {
         }
     }
 
-    /// Whether the groups agree with the true labels as well as the user demands. A demand that cannot be examined fails.
+    /// The finding whether the groups agree with the true labels as well as requested. If this cannot be examined, the finding fails.
     fn agreement(&self) -> Option<Finding> {
         let least = self.min_rand_index?;
         let expected = format!("at least {least}");
@@ -261,7 +261,7 @@ impl Segmented {
                 format!("add --groups {regions}"),
             );
         };
-        // A bound that is NaN is not met.
+        // The comparison is false for a bound that is NaN, so such a bound is not met.
         let grade = if score >= least { Grade::Ok } else { Grade::Fails };
         let found = format!("the adjusted Rand index against the true labels is {score:.4}");
         Some(Finding::graded("agreement", grade, found, expected, "give more --photos or --spp"))
@@ -308,7 +308,7 @@ impl Answer for Segmented {
     }
 
     fn verify(&mut self, lab: &mut Lab) -> Result<Option<Verified>> {
-        // The eigenvectors must come from unmodified photos: nothing subtracted, no blur, no exchanged devices.
+        // Verification needs eigenvectors of unmodified photos: nothing subtracted, no blur, no exchanged devices.
         if !self.is_of_photos_as_taken || self.there_and_back {
             return Ok(None);
         }

@@ -12,7 +12,7 @@ use crate::report::scatter::ScatterPlot;
 /// The maximum number of points in a plot. More points would overlap and enlarge the page.
 const POINTS: usize = 2500;
 
-/// The names of chosen pixels: A, B, …, Z, AA, …
+/// The name of the chosen pixel `index`: A, B, …, Z, AA, …
 fn name(mut index: usize) -> String {
     let mut letters = String::new();
     loop {
@@ -50,7 +50,7 @@ pub(super) fn show(found: &Segmentation, view: &FeatureView, palette: &Palette, 
     page.section("Pixels in the space of eigenvectors", text, blocks);
 }
 
-/// A scatter plot over two eigenvectors. Index 0 is the second eigenvector.
+/// A scatter plot over two eigenvectors, given by their indices. Index 0 is the second eigenvector.
 fn scatter(found: &Segmentation, view: &FeatureView, palette: &Palette, [x, y]: [usize; 2]) -> Option<Block> {
     let coordinate = |axis: usize, pixel: usize| -> Option<f64> {
         Some(found.embedding.coordinate(axis + 1, found.eigenvectors.get(axis + 1)?[pixel]))
@@ -58,7 +58,7 @@ fn scatter(found: &Segmentation, view: &FeatureView, palette: &Palette, [x, y]: 
     coordinate(y, 0)?;
     let (groups, labels) = found.labels.first()?;
     let shown: Vec<usize> = (0..labels.len()).filter(|&pixel| !found.mask[pixel]).collect();
-    // The points have a fixed stride over the shown pixels. The stride visits all columns unless it shares a factor with the width.
+    // Every `stride`-th shown pixel becomes a point. The points cover all columns unless the stride and the width have a common factor.
     let stride = shown.len().div_ceil(POINTS);
     let points = shown.iter().step_by(stride.max(1)).filter_map(|&pixel| {
         Some((pixel, ((coordinate(x, pixel)?, coordinate(y, pixel)?), palette.color(labels[pixel]))))

@@ -140,8 +140,8 @@ impl Verb for Segment {
         self.check_pixels(lab.resolution())
     }
 
-    /// Segments the scene into groups of pixels that exchange light. If camera and projector stand apart, the pixels of a group receive the
-    /// same light. The journal of the run keeps the true labels of the scene, if it has any.
+    /// Segments the scene into groups of pixels that exchange light. If camera and projector are apart, the pixels of a group receive the
+    /// same light. The journal of the run keeps the true labels of the scene, if the scene has them.
     fn answer(&self, lab: &mut Lab) -> Result<Segmented> {
         let options = self.options(lab.seed(), lab.photos_of_run());
         lab.allow_photos(options.photos);
@@ -158,7 +158,7 @@ impl Verb for Segment {
 }
 
 impl Segment {
-    /// The options of the method. `seed` is used for all random choices, and `photos_of_run` is the default budget of a replayed run.
+    /// The options of the method. `seed` determines all random choices, and `photos_of_run` is the default budget of a replayed run.
     pub fn options(&self, seed: u64, photos_of_run: Option<usize>) -> SegmentOptions {
         SegmentOptions {
             photos: self.photos.or(photos_of_run).unwrap_or(50),
@@ -175,12 +175,12 @@ impl Segment {
         }
     }
 
-    /// The part of the light that the operator must contain.
+    /// The part of the light that the operator must provide.
     pub fn part(&self) -> Part {
         if self.direct == Direct::Source && !self.keep_direct { Part::Global } else { Part::Full }
     }
 
-    /// Refuses options that the prediction of a rig's answer does not support, with [`Error::Option`].
+    /// Refuses options for which a plan cannot predict the answer on a rig, with [`Error::Option`].
     pub fn check_plan(&self) -> Result<()> {
         let given = [
             (self.blur.is_some(), "--blur"),
@@ -192,7 +192,7 @@ impl Segment {
         not_planned(Self::NAME, &given)
     }
 
-    /// Takes all photos with `operator` (`n × n`), which contains the light of [`Segment::part`]. Fails as [`Verb::check`],
+    /// Takes all photos with `operator` (`n × n`), which provides the light of [`Segment::part`]. Fails as [`Verb::check`],
     /// [`SeparateBy::measure`], [`Capture::run`] and [`evidence()`].
     pub fn run(&self, operator: &mut dyn Operator, resolution: Resolution, seed: u64) -> Result<Segmented> {
         self.check()?;
@@ -224,9 +224,9 @@ impl Segment {
         Ok(found)
     }
 
-    /// Takes the photos with an operator that also has the transpose. A matrix that is not symmetric belongs to a camera and a projector
-    /// that stand apart. The graph is then that of `A Aᵀ`, in which two pixels of the camera are neighbours if the same light reaches both.
-    /// Each of its products is one photo with the devices exchanged and one with the devices as they are, and all photos count.
+    /// Takes the photos with an operator that also has the transpose. If camera and projector are apart, the matrix `A` is not symmetric,
+    /// and the graph is that of `A Aᵀ`. In this graph, two camera pixels are neighbours if the same light reaches both. Each product with
+    /// `A Aᵀ` takes two photos: one with the devices exchanged, and one with the devices as they are.
     fn with_transpose(
         &self,
         operator: &mut dyn Adjoint,
@@ -279,13 +279,13 @@ impl Segment {
         Ok(Segmented { evidence, ..Segmented::new(self, segmentation, resolution) })
     }
 
-    /// The number of places of shifted squares along a side; `None` unless the number of photos is a square number of at least 4.
+    /// The number of positions of the shifted squares along a side; `None` unless the number of photos is a square number of at least 4.
     fn shifts(&self) -> Option<usize> {
         let shifts = self.direct_photos.isqrt();
         (shifts >= 2 && shifts * shifts == self.direct_photos).then_some(shifts)
     }
 
-    /// The method that measures direct light, if one is used.
+    /// The method that measures direct light; `None` if direct light is not measured.
     fn direct_method(&self) -> Option<SeparateBy> {
         match self.direct {
             Direct::Source | Direct::Keep => None,
@@ -299,7 +299,7 @@ impl Segment {
 
     /// The largest number of photos in total.
     fn photos(&self, options: &SegmentOptions) -> usize {
-        // A number of groups that is not known yet is at most one more than the number of starting patterns.
+        // If the number of groups is still unknown, it is at most one more than the number of starting patterns.
         let groups = match options.groups.as_slice() {
             [] => options.starts.unwrap_or(SegmentOptions::automatic_starts(options.photos)) + 1,
             groups => groups.iter().sum(),
@@ -309,7 +309,7 @@ impl Segment {
         options.photos + evidence + direct
     }
 
-    /// The blur of patterns and photos: the requested one, or the one that the rig needs.
+    /// The requested blur of patterns and photos, or else the blur that the rig needs.
     fn blur_on(&self, lab: &Lab) -> f64 {
         if let Some(blur) = self.blur {
             return blur;
@@ -350,8 +350,9 @@ impl Segment {
     }
 }
 
-/// The share of the light of half a picture that a blur of patterns and photos by `blur` pixels carries across a straight border. Both
-/// blurs together have a standard deviation of `√2 blur`, and the mean distance across the border is `1/√2π` of that.
+/// The light that a blur carries across a straight border, as a share of the light of half a picture. Patterns and photos are blurred by
+/// `blur` pixels each. Both blurs together have a standard deviation of `√2 blur`. The mean distance across the border is `1/√2π` of that
+/// deviation.
 fn leak(blur: f64, resolution: Resolution) -> f64 {
     let half = resolution.width.min(resolution.height) as f64 / 2.0;
     blur / std::f64::consts::PI.sqrt() / half

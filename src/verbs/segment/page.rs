@@ -35,7 +35,7 @@ impl Segmented {
         let caption = "Eigenvalues; bars are residual norms. As many at one as there are regions that exchange no light.";
         let blocks = [
             spectrum::stems(&found.eigenvalues, &found.residuals, caption),
-            // The first pair is known in advance and has no history.
+            // The first pair is known in advance, so it has no history.
             spectrum::convergence(&found.history, 2),
             spectrum::table((&found.eigenvalues, &[]), &found.residuals, &self.columns()),
         ];
@@ -56,7 +56,7 @@ impl Segmented {
         Ok(())
     }
 
-    /// The white photo, the degree, the true regions, and the groups.
+    /// The figures of the white photo, the degree, the true regions, and the groups.
     fn groups(&self, white: &Image, page: &mut AnswerPage<'_>) -> Result<Vec<Figure>> {
         let (found, size) = (&self.segmentation, self.resolution);
         let caption = "The light that each pixel receives from all others: its degree";
@@ -106,7 +106,8 @@ impl Segmented {
         pictures.into_iter().map(|(name, figure)| page.picture(&name, figure)).collect()
     }
 
-    /// The colours for each number of groups. They match the true regions if these are known, or else the groups of the first number.
+    /// The colours for each number of groups. They match the true regions if these are known. Otherwise they match the groups for the first
+    /// number.
     fn palettes(&self) -> Vec<Palette> {
         let labels = &self.segmentation.labels;
         let reference = self.truth.as_ref().map(|truth| truth.labels.as_slice());
@@ -114,7 +115,7 @@ impl Segmented {
         labels.iter().map(|(_, labels)| Palette::default().matched(reference, labels)).collect()
     }
 
-    /// The share of certain labels, as the end of a caption.
+    /// The share of pixels with certain labels, as the end of a caption.
     fn sure(&self, groups: usize) -> String {
         match self.share_of_sure(groups) {
             Some(share) => format!(", {:.1} % of the pixels are sure of theirs", 100.0 * share),
@@ -160,7 +161,7 @@ fn swatches(truth: &Truth) -> Vec<Swatch> {
     (0..MASKED).filter(seen).map(|region| Swatch { color: label_color(region), text: name(region) }).collect()
 }
 
-/// Photos of single groups that are lit alone, and the light that the groups exchange.
+/// Photos of the scene with one group lit at a time, and the light that the groups exchange.
 fn evidence(evidence: &Evidence, page: &mut AnswerPage<'_>) -> Result<()> {
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);
     let kept = evidence.kept();

@@ -23,7 +23,7 @@ pub struct Separated {
     pub name: &'static str,
     /// The resolution of all images.
     pub resolution: Resolution,
-    /// The number of photos that the method took, without those of `near_far`.
+    /// The number of photos that the method took, without the photos for `near_far`.
     pub photos: usize,
     /// Light of one bounce.
     pub direct: Planes,
@@ -37,9 +37,9 @@ pub struct Separated {
     pub truth: Option<Planes>,
     /// The second bounce, and the third and later ones.
     pub bounces: Option<[Planes; 2]>,
-    /// Global light by the distance that it travelled.
+    /// Global light split by the distance that it travelled.
     pub near_far: Option<NearFar>,
-    /// Every method at several photo counts; may be empty.
+    /// The errors of every method at several photo counts; may be empty.
     pub comparison: Vec<ComparisonRow>,
     /// The largest acceptable error of `direct`, if one is given.
     pub(super) max_error: Option<f64>,
@@ -53,7 +53,7 @@ pub(super) struct Layer<'a> {
 }
 
 impl Separated {
-    /// Exact light, from a simulator.
+    /// Exact direct and global light from a simulator.
     pub(super) fn exact(asked: &Separate, resolution: Resolution, [direct, global]: [Planes; 2]) -> Self {
         Self {
             method: "the simulator".into(),
@@ -77,7 +77,7 @@ impl Separated {
         self.truth.as_ref().and_then(|truth| relative_error(&self.direct, truth).value())
     }
 
-    /// The error of the direct light and the largest acceptable one, if the error exceeds it.
+    /// The error of the direct light and the largest acceptable error, if the first exceeds the second.
     fn excess(&self) -> Option<[f64; 2]> {
         Some([self.error()?, self.max_error?]).filter(|[error, most]| error > most)
     }
@@ -147,7 +147,7 @@ impl Answer for Separated {
         [Separate::NAME, "direct and global light"]
     }
 
-    /// The number of photos of the method and of the separation of near from far.
+    /// The number of photos, including those that separate near from far light.
     fn photos(&self) -> usize {
         self.photos + self.near_far.as_ref().map_or(0, |near_far| near_far.photos)
     }
@@ -194,11 +194,11 @@ impl Answer for Separated {
         content
     }
 
-    /// Whether there is global light beyond its error, and whether the direct light is as good as requested.
+    /// The findings whether there is global light beyond its error, and whether the direct light is as accurate as requested.
     fn findings(&self) -> Vec<Finding> {
         let share = match &self.global_error {
             Some(errors) => relative_to(1.0, &self.global, errors),
-            // Photos are products of numbers of single precision.
+            // Without known errors, the noise is the rounding of photos, which are computed in single precision.
             None => Ratio::of(
                 1.0,
                 norm(&self.global),

@@ -103,7 +103,7 @@ impl Verb for Separate {
         self.bounces
     }
 
-    /// Refuses requests for exact light without a simulator, and settings that a method cannot use.
+    /// Refuses exact light from sources without a simulator, and settings that a method cannot use.
     fn check_on(&self, lab: &Lab) -> Result<()> {
         let by = self.by(lab);
         let asked = [
@@ -132,7 +132,7 @@ impl Verb for Separate {
         let exact = if is_scene { Some(lab.timed("exact bounces", exact_bounces)?) } else { None };
         let mut found = match self.by(lab) {
             Some(by) => self.by_photos(lab, by, exact.as_ref())?,
-            // The source is a scene. Other sources do not use the exact method.
+            // Only a scene uses the exact method, so the source is a scene here.
             None => Separated::exact(self, lab.resolution(), exact.clone().unwrap_or_default()),
         };
         if self.bounces {
@@ -160,7 +160,7 @@ impl Separate {
         self.photos.or(lab.photos_of_run()).unwrap_or(40)
     }
 
-    /// The method with its settings; `None` means exact light from a simulator.
+    /// The method with its settings; `None` for exact light from a simulator.
     fn by(&self, lab: &Lab) -> Option<SeparateBy> {
         let photos = self.budget(lab);
         let is_scene = lab.kind() == SourceKind::Scene;
@@ -171,7 +171,7 @@ impl Separate {
                 SeparateBy::Checkerboards { square: self.square, shifts: self.shifts }
             }
             SeparationMethod::Sinusoids => SeparateBy::Sinusoids { period: self.period, phases: self.phases },
-            // A run may have any number of photos, but codes need a power of two.
+            // The number of photos of a source run is not used as the default: it may be any number, but codes need a power of two.
             SeparationMethod::Codes => SeparateBy::Codes { photos: self.photos.unwrap_or(16) },
             SeparationMethod::Random => SeparateBy::Random { photos },
             SeparationMethod::Capture => SeparateBy::Capture { photos },
@@ -198,12 +198,12 @@ impl Separate {
     }
 }
 
-/// The light of one bounce, and that of two or more bounces, under white.
+/// The light of one bounce, and the light of two or more bounces, both under white.
 fn exact_bounces(lab: &mut Lab) -> Result<[Planes; 2]> {
     Ok([lab.white_of(Part::Direct)?, lab.white_of(Part::Global)?])
 }
 
-/// Global light by the distance that it travelled; `None` if it cannot be photographed.
+/// Global light split by the distance that it travelled; `None` if it cannot be photographed.
 fn probed(lab: &mut Lab, options: NearFarOptions, global: &Planes) -> Result<Option<NearFar>> {
     let resolution = lab.resolution();
     let mut operators = lab.operators(Part::Global)?;
