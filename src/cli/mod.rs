@@ -9,7 +9,6 @@ mod console;
 mod embedded_page;
 mod generated;
 mod info;
-mod labels;
 mod matrix;
 mod opener;
 mod opening;
@@ -32,7 +31,8 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::error::Error;
 use crate::finding::{Finding, Grade, worst};
 use crate::machine;
-use crate::verbs::{Plan, pattern};
+use crate::verbs::Plan;
+use crate::verbs::photo::{TakePhoto, WriteLabels};
 use console::Console;
 use options::GlobalArgs;
 
@@ -50,7 +50,7 @@ const EXIT_STATUS: &str = "Exit status: 0 done; 1 done, but not good enough; 2 e
 
 #[derive(Subcommand)]
 enum Verb {
-    Photo(photo::Args),
+    Photo(asked::Asked<TakePhoto, opening::Traced, photo::Kept>),
     #[command(flatten)]
     Asked(asked::AskedVerb),
     Paint(paint::Args),
@@ -58,7 +58,7 @@ enum Verb {
     Rig(rig::Args),
     Matrix(matrix::Args),
     Reproduce(reproduce::Args),
-    Labels(labels::Args),
+    Labels(asked::Asked<WriteLabels, options::SourceArgs, ()>),
     Compare(compare::Args),
     Index(runs::IndexArgs),
     Info(info::Args),
@@ -116,7 +116,7 @@ pub fn main() -> ExitCode {
         Verb::Plan(args) => plan::run(args, &console),
         Verb::Matrix(args) => matrix::run(args, &console),
         Verb::Reproduce(args) => reproduce::run(args, &console),
-        Verb::Labels(args) => labels::run(args, &console),
+        Verb::Labels(args) => photo::labels(args, &console),
         Verb::Compare(args) => compare::run(args, &console),
         Verb::Index(args) => runs::index(args, &console),
         Verb::Info(args) => info::run(args, &console),

@@ -101,11 +101,6 @@ pub(super) struct GlobalArgs {
     pub(super) allow_programs: bool,
 }
 
-/// The files that a verb writes: those that `-o` names, or else one unused file name.
-pub(super) fn named_or_free(files: &[PathBuf], name: &str, extension: &str) -> Vec<PathBuf> {
-    if files.is_empty() { vec![free_file(name, extension)] } else { files.to_vec() }
-}
-
 /// The file that a verb writes without `-o`: the first unused name of `NAME.EXTENSION`, `NAME-2.EXTENSION`, `NAME-3.EXTENSION`, … A file is
 /// replaced only if the user names it. Files such as `NAME.r.EXTENSION` belong to `NAME.EXTENSION`.
 pub(super) fn free_file(name: &str, extension: &str) -> PathBuf {

@@ -10,6 +10,7 @@ pub mod eigs;
 pub mod matrix;
 pub mod options;
 pub mod pattern;
+pub mod photo;
 pub mod plan;
 pub mod probe;
 pub mod relight;
