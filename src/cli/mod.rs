@@ -1,4 +1,4 @@
-//! The command line: `krylux VERB SOURCE [options]`. The verbs of [`crate::verbs::VERBS`] share [`asked`]; each other verb has a file.
+//! The command line: `krylux VERB SOURCE [options]`. The verbs of [`crate::verbs::VERBS`] share `cli/asked.rs`; each other verb has a file.
 //!
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 

@@ -97,11 +97,11 @@ impl View {
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct OperatorSettings {
     /// How photos are computed: as products with a matrix, or each traced anew (the same photos, to rounding); auto decides by --memory
-    #[arg(id = "operator", long = "operator", value_enum, default_value = "auto")]
+    #[arg(id = "operator", long = "operator", value_name = "OPERATOR", value_enum, default_value = "auto")]
     pub choice: OperatorChoice,
     /// Where products with the matrix are computed (the same, to the rounding of sums); auto: on a GPU that has f64 and room for the matrix,
     /// else on the processor
-    #[arg(id = "products", long = "products", value_enum, default_value = "auto")]
+    #[arg(id = "products", long = "products", value_name = "PRODUCTS", value_enum, default_value = "auto")]
     pub backend: Backend,
     /// The memory that a matrix may take while it is assembled, e.g. 8GiB or 500MB [default: half of the machine's]
     #[arg(long, value_name = "BYTES", value_parser = byte_count)]

@@ -32,7 +32,7 @@ impl GigeVision {
     /// Opens the camera. The times of frames are read from `clock`, and their numbers begin at `after + 1`.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when no camera answers at the address, when another program holds the camera, or when the camera
+    /// [`Error::Rig`] when no camera answers at the address, when another program holds the camera, or when the camera
     /// cannot do what `spec` says.
     pub fn open(spec: &GenicamSpec, clock: WallClock, after: u64) -> Result<Self> {
         let address =
@@ -148,7 +148,7 @@ pub(crate) fn cameras(address: Option<Ipv4Addr>) -> Result<Vec<AttachedCamera>> 
 /// Reads the abilities of the camera at an address. A program that controls the camera keeps its control.
 ///
 /// # Errors
-/// [`Error::Rig`](crate::Error::Rig) when the camera does not answer, or cannot be read while another program holds it.
+/// [`Error::Rig`] when the camera does not answer, or cannot be read while another program holds it.
 pub fn gige_camera_abilities(address: Ipv4Addr) -> Result<Abilities> {
     let failed = |why: GenicamError| match is_denied(&why) {
         true => in_use(&format!("at {address}")),

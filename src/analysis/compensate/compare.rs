@@ -72,7 +72,7 @@ pub fn compare_methods<O: Adjoint>(
 pub struct Clamping {
     /// The residual of the photo of the method's pattern after each step, clamped and projected.
     pub displayed: Vec<CompensationRow>,
-    /// The residuals of [`Method::KrylovBox`](crate::krylov::Method::KrylovBox) with the same number of photos.
+    /// The residuals of [`Method::KrylovBox`] with the same number of photos.
     pub boxed: Vec<CompensationRow>,
     /// The residual if the target is projected without compensation.
     pub uncompensated: f64,

@@ -223,7 +223,7 @@ impl Factorization {
     /// Takes one step: one product with `operator` (`n × n`). The operator must be the same in every step.
     ///
     /// # Errors
-    /// [`Error::Dimension`](crate::Error::Dimension) if the operator is not `n × n`. [`Error::Numerical`](crate::Error::Numerical) if the
+    /// [`Error::Dimension`] if the operator is not `n × n`. [`Error::Numerical`] if the
     /// process needs a symmetric operator and this operator is not declared symmetric (no product is taken then), or if the product
     /// contains NaN or an infinity. The error of the product. After any error, the factorization is as before the step.
     pub fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step> {
@@ -262,7 +262,7 @@ impl Factorization {
     /// Computes the `min(count, m)` most wanted Ritz pairs, the most wanted first.
     ///
     /// # Errors
-    /// [`Error::Numerical`](crate::Error::Numerical) if the dense eigensolver fails on `H`. [`Error::Option`](crate::Error::Option) naming
+    /// [`Error::Numerical`] if the dense eigensolver fails on `H`. [`Error::Option`] naming
     /// `--which` if this process cannot find the requested end of the spectrum.
     pub fn ritz(&self, which: Which, count: usize) -> Result<Vec<RitzPair>> {
         if self.is_symmetric() {
@@ -276,7 +276,7 @@ impl Factorization {
     /// and Simon, doi:10.1137/S0895479898334605). Does nothing for `keep ≥ m`.
     ///
     /// # Errors
-    /// The errors of [`Factorization::ritz`]; [`Error::Numerical`](crate::Error::Numerical) for an Arnoldi process, which has no restarts.
+    /// The errors of [`Factorization::ritz`]; [`Error::Numerical`] for an Arnoldi process, which has no restarts.
     pub fn shrink(&mut self, which: Which, keep: usize) -> Result<()> {
         if keep >= self.steps() {
             return Ok(());
