@@ -146,15 +146,14 @@ impl Assembly {
             let joints = self.skins.matrices(document, node_name, skin.value())?;
             return Ok(vec![Pose::Skinned(joints)]);
         }
-        let instances = pose::instances(document, node_name, source)?;
         let rigid = |transform: DAffine3| Pose::Rigid(Transform::new(&transform));
-        Ok(match instances {
-            None => vec![rigid(node.transform)],
-            Some(instances) => {
-                self.counts.instances(document, instances.len())?;
-                instances.into_iter().map(|instance| rigid(node.transform * instance)).collect()
-            }
-        })
+        let Some(instances) = pose::instances(document, node_name, source)? else {
+            return Ok(vec![rigid(node.transform)]);
+        };
+        self.counts.instances(document, instances.len())?;
+        let mut poses = with_room(document, instances.len(), INSTANCES)?;
+        poses.extend(instances.into_iter().map(|instance| rigid(node.transform * instance)));
+        Ok(poses)
     }
 
     fn place(
@@ -192,8 +191,7 @@ impl Assembly {
             _ => Influences::default(),
         };
         let count = self.counts.triangles(document, corners.triangles, poses.len(), vertices.targets())?;
-        let mut triangles = Vec::new();
-        triangles.try_reserve_exact(count).map_err(|_| too_many(document, count))?;
+        let mut triangles = with_room(document, count, TRIANGLES)?;
         let mut done = 0_usize;
         for pose in poses {
             let placer =
@@ -336,7 +334,7 @@ impl Counts {
     }
 
     fn instances(&mut self, document: &Document, count: usize) -> Result<()> {
-        let limit = (MAX_TRIANGLES, "instances", "place fewer of them, or join their meshes");
+        let limit = (MAX_TRIANGLES, INSTANCES, "place fewer of them, or join their meshes");
         Self::add(document, &mut self.instances, count, limit)
     }
 
@@ -344,7 +342,7 @@ impl Counts {
     fn triangles(&mut self, document: &Document, mesh: usize, poses: usize, targets: usize) -> Result<usize> {
         let count = mesh.saturating_mul(poses);
         let help = "simplify the meshes, or place fewer of them";
-        let limit = (MAX_TRIANGLES, "triangles, all instances counted", help);
+        let limit = (MAX_TRIANGLES, TRIANGLES, help);
         Self::add(document, &mut self.total, count, limit)?;
         let what = "triangles, counted once for each of their morph targets";
         let limit = (MAX_MORPHS, what, "apply the morph targets before the export");
@@ -353,10 +351,20 @@ impl Counts {
     }
 }
 
-pub(super) fn too_many(document: &Document, count: usize) -> Error {
-    document
-        .fault(format!("there is no memory for {count} triangles, all instances counted"))
-        .help("simplify the meshes, place fewer of them, or use a machine with more memory")
+/// Triangles as errors count them.
+pub(super) const TRIANGLES: &str = "triangles, all instances counted";
+/// Instances as errors count them.
+pub(super) const INSTANCES: &str = "instances";
+
+/// An empty vector with room for `count` items. Fails if there is no memory for them; `what` names the items.
+pub(super) fn with_room<T>(document: &Document, count: usize, what: &str) -> Result<Vec<T>> {
+    let mut items = Vec::new();
+    items.try_reserve_exact(count).map_err(|_| {
+        document
+            .fault(format!("there is no memory for {count} {what}"))
+            .help("simplify the meshes, place fewer of them, or use a machine with more memory")
+    })?;
+    Ok(items)
 }
 
 #[derive(Clone, Copy)]

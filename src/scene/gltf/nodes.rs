@@ -222,8 +222,7 @@ pub(super) fn name_regions(
     let (names, region_of) =
         if labelled { by_label(document, &surfaces)? } else { by_node(document, placed, &surfaces) };
     let count = surfaces.iter().map(|surface| surface.triangles.len()).sum();
-    let mut triangles = Vec::new();
-    triangles.try_reserve_exact(count).map_err(|_| geometry::too_many(document, count))?;
+    let mut triangles = geometry::with_room(document, count, geometry::TRIANGLES)?;
     for (mut surface, region) in surfaces.into_iter().zip(region_of) {
         surface.triangles.iter_mut().for_each(|triangle| triangle.region = region);
         triangles.append(&mut surface.triangles);

@@ -13,7 +13,7 @@ use serde::Deserialize;
 use super::buffers::OpenAccessor;
 use super::extensions::INSTANCING;
 use super::nodes::Placed;
-use super::{Document, object_name, vertices};
+use super::{Document, geometry, object_name, vertices};
 use crate::error::Result;
 
 /// An affine transform of points, and the corresponding transform of normals.
@@ -129,18 +129,17 @@ pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> R
         );
         place.is_finite().then_some(place)
     };
-    (0..most)
-        .map(|index| {
-            place(index).ok_or_else(|| {
-                document
-                    .fault(format!(
-                        "{what}: the transform of its instance {index} is not finite, or its rotation is zero"
-                    ))
-                    .help("correct the instance's translation, rotation and scale")
-            })
-        })
-        .collect::<Result<Vec<_>>>()
-        .map(Some)
+    let mut places = geometry::with_room(document, most, geometry::INSTANCES)?;
+    for index in 0..most {
+        places.push(place(index).ok_or_else(|| {
+            document
+                .fault(format!(
+                    "{what}: the transform of its instance {index} is not finite, or its rotation is zero"
+                ))
+                .help("correct the instance's translation, rotation and scale")
+        })?);
+    }
+    Ok(Some(places))
 }
 
 /// The largest number of attribute pairs `JOINTS_n` and `WEIGHTS_n`, of four joints each.
