@@ -155,7 +155,8 @@ fn a_rig_shows_the_newest_pattern_and_keeps_its_photos_where_it_is_told_to() {
     )
     .expect("it is JSON");
     let photos = record["photos"].as_u64().expect("they were counted");
-    assert!((3..=42).contains(&photos), "{photos} photos");
+    // On a busy machine only the first pattern and the newest are photographed.
+    assert!((2..=42).contains(&photos), "{photos} photos");
     assert_eq!(record["status"], "done");
 }
 
