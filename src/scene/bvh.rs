@@ -177,8 +177,8 @@ mod tests {
         let boxes: Vec<_> = triangles.map(extent).collect();
         let start = Instant::now();
         let mut order = Bvh::build(boxes.iter().copied()).order;
-        // Building takes a fraction of a second, and up to a minute in debug builds on busy machines. Quadratic time would be hours.
-        assert!(start.elapsed() < Duration::from_secs(300), "{what}: {:?}", start.elapsed());
+        // Building takes a fraction of a second, but longer in debug builds and on busy machines.
+        assert!(start.elapsed() < Duration::from_secs(20), "{what}: {:?}", start.elapsed());
         order.sort_unstable();
         assert!(order.into_iter().eq(0..boxes.len() as u32), "{what}");
     }

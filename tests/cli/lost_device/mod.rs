@@ -116,12 +116,21 @@ fn a_lost_device_costs_no_photo_and_changes_no_bit() {
 #[test]
 fn a_device_without_memory_is_an_error_that_says_what_needs_less() {
     let layer = Layer::new();
-    // Smaller ones fit the memory that the device has been opened with.
+    // Smaller ones fit the memory that the device has been opened with. Dispatches follow the speed of the machine, so a run may make
+    // fewer allocations than another.
     let run = &["--size", "64", "--products", "device"];
-    let (output, calls) = layer.lose(("memory", 0), run, "whole");
+    let lose = |at: u32, least: u32| {
+        let made_enough = |_| {
+            let (output, made) = layer.lose(("memory", at), run, "short");
+            let _ = fs::remove_dir_all(layer.path("short"));
+            (made >= least).then_some((output, made))
+        };
+        (0..100).find_map(made_enough).expect("one of the runs makes so many allocations")
+    };
+    let (output, calls) = lose(0, 2);
     assert!(output.status.success() && calls > 1, "{calls} allocations: {}", text(&output.stderr));
     for at in 1..=calls {
-        let (output, _) = layer.lose(("memory", at), run, "short");
+        let (output, _) = lose(at, at);
         let message = program::assert_error(&output, &["emory", "--adapter"]);
         // The first allocation opens the device.
         assert!(at == 1 || (message.contains("MiB") && message.contains("--size")), "{message}");
