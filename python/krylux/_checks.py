@@ -125,7 +125,9 @@ def finite(value, option, least=None):
 def as_json(option, value):
     """A number, a text, a path, or a sequence of them, of Python or of NumPy, as JSON."""
     try:
-        return json.dumps(value, allow_nan=False, ensure_ascii=False, default=_plain)
+        text = json.dumps(value, allow_nan=False, ensure_ascii=False, default=_plain)
+        text.encode()
+        return text
     except (TypeError, ValueError) as error:
         fault = f"{value!r} cannot be used: {error}"
         raise refuse(option, fault, "give finite numbers, texts, or sequences of them") from error

@@ -526,7 +526,7 @@ class Plan:
 
     def __init__(self, fields: dict[str, Any]) -> None:
         self.verb, self.ideal, self.trials = fields["verb"], fields["ideal"], fields["trials"]
-        self.figures = {name: np.asarray(values) for name, values in fields["values"]}
+        self.figures = {name: np.asarray(values, np.float64) for name, values in fields["values"]}
         costs = [trial["cost"] for trial in self.trials]
         for name, kind in (("photos", np.uint64), ("patterns", np.uint64), ("frames", np.uint64), ("seconds", float)):
             setattr(self, name, np.asarray([cost[name] for cost in costs], kind))

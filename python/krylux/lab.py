@@ -144,7 +144,7 @@ class Lab(Asking):
             part: ``"full"``, ``"direct"`` or ``"global"`` light.
             channel: The channel, from 0.
 
-        Returns: ``[pixels of a photo, pixels of a pattern]``, ``float64``. Its arrays are read-only views of krylux's
+        Returns: ``[pixels of a photo, pixels of a pattern]``, ``float64``. Its values and column indices are read-only views of krylux's
             own memory, which lives as long as one of them; matrices of one part and channel share it.
 
         Raises:

@@ -196,6 +196,8 @@ def _toml_value(value):
     """A number, a text or a list of them in TOML, which writes these as JSON does."""
     if value is None or isinstance(value, Mapping):
         raise _checks.refuse("measurement", f"{value!r} has no form in a rig file", "give numbers, texts, or lists of them")
+    if isinstance(value, (builtins.list, tuple)) or (isinstance(value, np.ndarray) and value.ndim):
+        return "[" + ", ".join(_toml_value(one) for one in value) + "]"
     return _checks.as_json("measurement", value)
 
 

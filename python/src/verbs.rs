@@ -48,12 +48,11 @@ type Arrays<'py> = Vec<(String, String, PyReadonlyArrayDyn<'py, f64>)>;
 
 /// Passes the arrays to the request.
 fn give<V: AnyVerb + ?Sized>(py: Python<'_>, request: &mut V, arrays: Arrays<'_>) -> PyResult<()> {
-    for (field, name, array) in arrays {
-        let (shape, values) = (array.shape().to_vec(), array.as_slice()?.to_vec());
-        let given = request.give(GivenArray { field, name, shape, values });
-        given.map_err(|error| errors::raise(py, &error))?;
-    }
-    Ok(())
+    let given = |(field, name, array): (String, String, PyReadonlyArrayDyn<'_, f64>)| {
+        Ok(GivenArray { field, name, shape: array.shape().to_vec(), values: array.as_slice()?.to_vec() })
+    };
+    let given = arrays.into_iter().map(given).collect::<PyResult<_>>()?;
+    request.give(given).map_err(|error| errors::raise(py, &error))
 }
 
 /// Parses keyword arguments, whose values are JSON, into fields.

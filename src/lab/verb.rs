@@ -38,6 +38,11 @@ impl GivenArray {
         Image::new(Resolution::new(width, height), channels, samples)
     }
 
+    /// The error for a field that takes no array.
+    pub(crate) fn not_taken(&self) -> Error {
+        self.refused("it takes no array", "give a value")
+    }
+
     fn refused(&self, fault: &str, help: &str) -> Error {
         Error::option(format!("--{}", self.field.replace('_', "-")), fault).help(help)
     }
@@ -75,9 +80,10 @@ pub trait Verb: Serialize {
         Ok(())
     }
 
-    /// Takes an array for a field. Fails with [`Error::Option`] if the request has no field of this name that takes an array.
-    fn give(&mut self, given: GivenArray) -> Result<()> {
-        Err(given.refused("it takes no array", "give a value"))
+    /// Takes the arrays that a program gives in place of files, possibly none. Fails with [`Error::Option`] if the request has no field of
+    /// an array's name that takes an array.
+    fn give(&mut self, given: Vec<GivenArray>) -> Result<()> {
+        given.first().map_or(Ok(()), |given| Err(given.not_taken()))
     }
 
     /// The channels with which a source is opened for this request. Fails if the channels depend on a model that cannot be read.

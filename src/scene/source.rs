@@ -48,7 +48,10 @@ impl SceneFile {
     /// Adds a warning unless there is already a warning with the same text.
     pub(super) fn warn(&mut self, warning: impl Into<String>) {
         let warning = warning.into();
-        self.warn_once(&warning.clone(), warning);
+        if !self.warned.contains(&warning) {
+            self.warned.insert(warning.clone());
+            self.warnings.push(warning);
+        }
     }
 
     /// Adds a warning with the fault, its consequence, and the remedy. If the scene is read strictly, the fault is an error instead.

@@ -36,12 +36,23 @@ impl Default for Audit {
     }
 }
 
+impl Audit {
+    fn options(&self, seed: u64) -> AuditOptions {
+        let Self { patterns, tolerance, asymmetry } = *self;
+        AuditOptions { patterns, tolerance, asymmetry, seed, ..AuditOptions::default() }
+    }
+}
+
 impl Verb for Audit {
     const NAME: &'static str = "audit";
     const IS_CHECKED: bool = false;
     const NOT_RESUMED: Option<&'static str> =
         Some("an audit asks whether a photo taken twice is the same, so it keeps none");
     type Answer = AuditReport;
+
+    fn check(&self) -> Result<()> {
+        self.options(0).check()
+    }
 
     fn check_on(&self, lab: &Lab) -> Result<()> {
         match lab.folder_of_run() {
@@ -55,13 +66,7 @@ impl Verb for Audit {
 
     /// Checks the operator and the devices of a rig. No photos are kept, since an audit compares two photos of the same pattern.
     fn answer(&self, lab: &mut Lab) -> Result<AuditReport> {
-        let options = &AuditOptions {
-            patterns: self.patterns,
-            tolerance: self.tolerance,
-            asymmetry: self.asymmetry,
-            seed: lab.seed(),
-            ..AuditOptions::default()
-        };
+        let options = &self.options(lab.seed());
         lab.without_journal();
         lab.unexamined();
         let devices = lab.faults_of_devices()?;

@@ -2,7 +2,8 @@
 //!
 //! A [request](crate::lab::Verb) is a struct with documented fields, declared once. The fields become the options of the command line, the
 //! keyword arguments in Python and the record in `run.json`. An [answer](crate::lab::Answer) consists of named arrays and named facts. They
-//! become files, summary, attributes in Python and lines on the terminal. [`VERBS`] lists all verbs.
+//! become files, summary, attributes in Python and lines on the terminal. [`VERBS`] lists the
+//! verbs that leave a run's folder; the others write single files, or belong to a bench.
 
 pub mod audit;
 pub mod compensate;
@@ -40,7 +41,7 @@ pub use segment::{Segment, Segmented};
 pub use separate::{Separate, Separated};
 pub use solve::{Solve, Solved};
 
-/// All declared verbs, in the order of the help. A new verb is one more line.
+/// The verbs that are asked of any source and leave a run's folder, in the order of the help. A new verb is one more line.
 pub const VERBS: &[Declared] = &[
     Declared::of::<Segment>(),
     Declared::of::<Compensate>(),
@@ -103,7 +104,7 @@ pub trait AnyVerb: Send + Sync {
     fn channels(&self, source: &Path) -> Result<ChannelChoice>;
     fn check(&self) -> Result<()>;
     fn check_on(&self, lab: &Lab) -> Result<()>;
-    fn give(&mut self, given: GivenArray) -> Result<()>;
+    fn give(&mut self, given: Vec<GivenArray>) -> Result<()>;
     fn ask(&self, lab: &mut Lab) -> Result<Box<dyn Answer + Send>>;
 }
 
@@ -128,7 +129,7 @@ impl<V: Verb<Answer: Send + 'static> + Send + Sync> AnyVerb for V {
         Verb::check_on(self, lab)
     }
 
-    fn give(&mut self, given: GivenArray) -> Result<()> {
+    fn give(&mut self, given: Vec<GivenArray>) -> Result<()> {
         Verb::give(self, given)
     }
 

@@ -88,8 +88,13 @@ impl Verb for Solve {
         self.right_hand_side(lab.resolution().pixels()).map(drop)
     }
 
-    fn give(&mut self, given: GivenArray) -> Result<()> {
-        self.values = Some(given.values);
+    fn give(&mut self, given: Vec<GivenArray>) -> Result<()> {
+        for array in given {
+            match array.field.as_str() {
+                "values" => self.values = Some(array.values),
+                _ => return Err(array.not_taken()),
+            }
+        }
         Ok(())
     }
 

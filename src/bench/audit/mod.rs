@@ -49,6 +49,23 @@ impl Default for AuditOptions {
     }
 }
 
+impl AuditOptions {
+    /// Fails with [`Error::Option`] for fewer than two patterns, and for bounds that no deviation can keep.
+    pub fn check(&self) -> Result<()> {
+        if self.patterns < 2 {
+            let fault = format!("{} make no pair", self.patterns);
+            return Err(Error::option("--patterns", fault).help("give 2 or more"));
+        }
+        for (option, bound) in [("--tolerance", self.tolerance), ("--asymmetry", self.asymmetry)] {
+            if bound.is_nan() || bound < 0.0 {
+                let fault = format!("no deviation is at most {bound}");
+                return Err(Error::option(option, fault).help("give 0 or more"));
+            }
+        }
+        Ok(())
+    }
+}
+
 /// The result of an audit.
 #[derive(Clone, Debug)]
 pub struct AuditReport {
@@ -120,11 +137,7 @@ const LIGHT: &str = "light";
 /// # Errors
 /// [`Error::Option`] for fewer than two patterns, and any error of taking photos.
 pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<AuditReport> {
-    if options.patterns < 2 {
-        return Err(
-            Error::option("--patterns", format!("{} make no pair", options.patterns)).help("give 2 or more")
-        );
-    }
+    options.check()?;
     let resolution = subject.resolution();
     let mut audit = AuditReport {
         checks: Vec::new(),

@@ -190,8 +190,13 @@ impl Verb for Compensate {
         }
     }
 
-    fn give(&mut self, given: GivenArray) -> Result<()> {
-        self.target = Some(given.image()?.into());
+    fn give(&mut self, given: Vec<GivenArray>) -> Result<()> {
+        for array in given {
+            match array.field.as_str() {
+                "target" => self.target = Some(array.image()?.into()),
+                _ => return Err(array.not_taken()),
+            }
+        }
         Ok(())
     }
 

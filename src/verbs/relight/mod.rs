@@ -117,13 +117,17 @@ impl Verb for Relight {
         self.questions_to(lab).map(drop)
     }
 
-    /// Takes an array for `patterns`, `duals` or `photographs` in place of a file.
-    fn give(&mut self, given: GivenArray) -> Result<()> {
-        let (questions, image) = (self.questions.get_or_insert_default(), given.image()?);
-        match given.field.as_str() {
-            "duals" => questions.duals.push((given.name, image)),
-            "photographs" => questions.photographs.push((given.name, image.planes())),
-            _ => questions.patterns.push((given.name, image)),
+    /// Takes `patterns`, `duals` and `photographs` in place of files. Without any, the model is captured, and computes nothing.
+    fn give(&mut self, given: Vec<GivenArray>) -> Result<()> {
+        let questions = self.questions.get_or_insert_default();
+        for array in given {
+            let image = array.image()?;
+            match array.field.as_str() {
+                "patterns" => questions.patterns.push((array.name, image)),
+                "duals" => questions.duals.push((array.name, image)),
+                "photographs" => questions.photographs.push((array.name, image.planes())),
+                _ => return Err(array.not_taken()),
+            }
         }
         Ok(())
     }

@@ -153,7 +153,11 @@ impl CheckBench {
     pub fn ask(&self, source: Result<RigSource>, report: &mut rig_check::Report<'_>) -> Result<Findings> {
         let source = source.and_then(|source| source.require_programs_allowed().map(|()| source));
         let bench = match source {
-            Ok(source) => BenchRig { source, known: None },
+            // A calibration that cannot be read is a finding of the check.
+            Ok(source) => {
+                let known = source.file.load_calibration().transpose().ok().flatten();
+                BenchRig { source, known }
+            }
             // An error of the rig becomes a finding. Other errors are returned.
             Err(error) => return rig_check::unreadable(error, report),
         };
