@@ -88,6 +88,10 @@ where
         self.operator.observer().log(level, message);
     }
 
+    fn frame(&self) -> ControlFlow<()> {
+        self.operator.observer().frame()
+    }
+
     fn photo(&self, photo: &PhotoTaken<'_>) -> ControlFlow<()> {
         self.operator.observer().photo(photo)
     }

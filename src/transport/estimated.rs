@@ -258,12 +258,12 @@ impl Operator for EstimatedOperator<'_> {
 }
 
 impl Adjoint for EstimatedOperator<'_> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         if self.symmetry() == Symmetry::Symmetric {
-            return self.apply(y, x);
+            return self.apply_block(ys, xs);
         }
-        self.errors = vec![0.0];
-        self.operator.apply_adjoint(y, x)
+        self.errors = vec![0.0; ys.len()];
+        self.operator.apply_adjoint_block(ys, xs)
     }
 }
 

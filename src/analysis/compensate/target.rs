@@ -23,11 +23,7 @@ impl Target {
         Error::check_size("pixels of the target", resolution, target.resolution())?;
         let count = ambient.channels();
         if target.channels() > count {
-            return Err(Error::dimension(
-                "channels of the target",
-                count.to_string(),
-                target.channels().to_string(),
-            ));
+            return Err(Error::dimension("channels of the target", count, target.channels()));
         }
         Ok(Self {
             resolution,

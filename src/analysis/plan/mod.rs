@@ -4,6 +4,9 @@
 //! on the twin with the noise of several seeds. Each result is compared with the result of ideal devices. The numbers of patterns, frames
 //! and seconds are also those of the twin.
 
+mod compensation;
+mod twin;
+
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, Segmentation, adjusted_rand_index};
 use crate::error::Result;
@@ -13,9 +16,6 @@ use crate::observer::Observer;
 use crate::operator::{Observed, Operator, product};
 use crate::rig::VirtualRig;
 use crate::transport::Part;
-
-mod compensation;
-mod twin;
 
 pub use compensation::{CompensationPlan, CompensationTrial, MethodTrial, MethodsTrial};
 pub use twin::Twin;

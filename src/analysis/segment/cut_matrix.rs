@@ -73,11 +73,12 @@ impl Operator for CutMatrix<'_> {
 
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         let Self { global, graph, cut, scaling } = self;
-        let scaled = |x: &[f64]| -> Vec<f64> { x.iter().zip(&*scaling).map(|(x, s)| x * s).collect() };
-        let before = |x: &[f64]| graph.scatter(&scaled(x), 0.0);
+        let scaling = &*scaling;
+        let before =
+            |x: &[f64]| graph.scatter(&x.iter().zip(scaling).map(|(x, s)| x * s).collect::<Vec<_>>(), 0.0);
         let after = |x: &[f64], photo: &[f64], y: &mut [f64]| {
-            graph.weights_product(&scaled(x), photo, y);
-            y.iter_mut().zip(&*scaling).for_each(|(value, s)| *value *= s);
+            graph.weights_product(x.iter().zip(scaling).map(|(x, s)| x * s), photo, y);
+            y.iter_mut().zip(scaling).for_each(|(value, s)| *value *= s);
             if *cut == Cut::Average {
                 y.iter_mut().zip(x).zip(graph.degree()).for_each(|((value, x), d)| *value -= d * x);
             }

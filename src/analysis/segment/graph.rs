@@ -102,9 +102,9 @@ impl Graph {
     }
 
     /// Writes `W x = (G_m + μ 1 1ᵀ) x` on nodes to `y`, from the photo of the pattern `x`.
-    pub(super) fn weights_product(&self, x: &[f64], photo: &[f64], y: &mut [f64]) {
+    pub(super) fn weights_product(&self, x: impl Iterator<Item = f64>, photo: &[f64], y: &mut [f64]) {
         // The term μ 1 1ᵀ x is computed, because it is not in the photo.
-        let everywhere = if self.mu == 0.0 { 0.0 } else { self.mu * x.iter().sum::<f64>() };
+        let everywhere = if self.mu == 0.0 { 0.0 } else { self.mu * x.sum::<f64>() };
         for (value, &pixel) in y.iter_mut().zip(&self.pixels) {
             *value = photo[pixel] + everywhere;
         }

@@ -251,10 +251,6 @@ impl Operator for ForwardOnly<'_> {
 }
 
 impl Adjoint for ForwardOnly<'_> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.check_symmetric()?;
-        self.apply(y, x)
-    }
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
         self.check_symmetric()?;
         self.apply_block(ys, xs)
@@ -310,7 +306,7 @@ impl Solver {
 }
 
 /// The part of a [`Solver`] that differs between methods: the recurrence of the iterates.
-pub(crate) trait Recurrence {
+pub(crate) trait Recurrence: Send {
     /// Takes one step: at most one product.
     fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance>;
 

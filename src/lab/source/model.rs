@@ -107,9 +107,9 @@ impl Operator for ModelOperator<'_> {
 }
 
 impl Adjoint for ModelOperator<'_> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.state_errors(&[y]);
-        self.operator.apply_adjoint(y, x)
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.state_errors(ys);
+        self.operator.apply_adjoint_block(ys, xs)
     }
 }
 
