@@ -17,7 +17,7 @@ use crate::report::residuals::{self, Row};
 use crate::report::run::AnswerPage;
 use crate::transport::Part;
 
-/// Solve A x = b for a matrix and a right-hand side from files
+/// Solve A x = b for the light transport matrix of a source, or for a matrix from a file
 #[derive(Clone, Debug, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[command(after_help = "Example:\n  krylux solve matrix.npz photo.npy --method minres -o out/solved")]
