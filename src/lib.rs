@@ -104,8 +104,8 @@
 //! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, finding, image, error
 //! calibrate → measure, rig, transport, finding, image, error
 //! cache     → transport, render, scene, gpu, io, image, file, error
-//! measure   → rig, transport, render, io, operator, journal, finding, image, file, error
-//! rig       → transport, image, machine, error
+//! measure   → rig, transport, render, io, sparse, operator, journal, finding, image, file, error
+//! rig       → transport, sparse, image, machine, error
 //! transport → render, scene, gpu, team, io, sparse, operator, journal, observer, image, error
 //! render    → scene, gpu, team, observer, image, error
 //! scene     → finding, image, file, error

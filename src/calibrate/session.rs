@@ -15,6 +15,7 @@ use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 pub(crate) struct CalibrationSession<'a> {
     frames: &'a mut dyn FrameSource,
     takes: HashMap<(Arc<Frame>, u64), u32>,
+    first: u32,
 }
 
 /// The mean of several frames of the same pattern and exposure.
@@ -33,7 +34,12 @@ pub(crate) struct Mean {
 
 impl<'a> CalibrationSession<'a> {
     pub(crate) fn new(frames: &'a mut dyn FrameSource) -> Self {
-        Self { frames, takes: HashMap::new() }
+        Self::starting_at(frames, 0)
+    }
+
+    /// A session whose take numbers begin at `first`, so that they differ from those of an earlier session with the same frames.
+    pub(crate) fn starting_at(frames: &'a mut dyn FrameSource, first: u32) -> Self {
+        Self { frames, takes: HashMap::new(), first }
     }
 
     pub(crate) fn projector(&self) -> &ProjectorInfo {
@@ -91,7 +97,7 @@ impl<'a> CalibrationSession<'a> {
 
     /// Captures this frame at this exposure with the next take number.
     pub(crate) fn capture(&mut self, frame: &Arc<Frame>, exposure: f64) -> Result<RawFrame> {
-        let take = self.takes.entry((Arc::clone(frame), exposure.to_bits())).or_insert(0);
+        let take = self.takes.entry((Arc::clone(frame), exposure.to_bits())).or_insert(self.first);
         let request = CaptureRequest { frame: Arc::clone(frame), exposure, take: *take };
         *take += 1;
         let raw = self.frames.capture(&request)?;

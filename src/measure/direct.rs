@@ -25,8 +25,9 @@ use super::direct_fit::{BlurDoubt, DirectFit, wider, without_mean};
 use super::hdr::{BlackPhotos, RateFrame};
 use super::photos::Plane;
 use super::registration::combine;
-use super::spread::{PixelSpread, WeightedColumn, merged};
+use super::spread::{PixelSpread, merged};
 use crate::image::{Blur, Resolution};
+use crate::sparse::WeightedColumn;
 
 /// The widest blur that is considered, in pixels as a standard deviation. The blur must be narrower than the squares.
 const WIDEST: f64 = 2.0;

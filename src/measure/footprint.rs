@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use super::calibration::Registration;
 use super::lens_map::LensMap;
-use super::spread::{SparseRows, WeightedColumn};
 use crate::image::Resolution;
+use crate::sparse::{SparseRows, WeightedColumn};
 
 /// A projector pixel is seen when lit camera pixels cover at least this share of its area.
 const COVERED: f64 = 0.25;

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::calibration::Registration;
 use super::footprint::shares;
 use super::lens_map::LensMap;
+use crate::sparse::{SparseRows, WeightedColumn};
 
 /// Entries of `S` below this value are left out.
 const LEAST_SHARE: f64 = 1e-4;
@@ -61,62 +62,6 @@ impl PixelSpread {
     /// The sum `Σ_i S_ik²` for each pixel `k`.
     pub(crate) fn squares(&self) -> Vec<f64> {
         self.columns.squares()
-    }
-}
-
-/// A column and its weight.
-pub(crate) type WeightedColumn = (u32, f64);
-
-/// A sparse matrix in compressed rows.
-#[derive(Clone, Debug)]
-pub(crate) struct SparseRows {
-    starts: Vec<usize>,
-    entries: Vec<WeightedColumn>,
-}
-
-impl SparseRows {
-    pub(crate) fn new(rows: &[Vec<WeightedColumn>]) -> Self {
-        let mut starts = vec![0];
-        for row in rows {
-            starts.push(starts[starts.len() - 1] + row.len());
-        }
-        Self { starts, entries: rows.concat() }
-    }
-
-    /// The transpose of the matrix with these rows and this number of `columns`. Its entries ascend in each row.
-    pub(crate) fn transposed(rows: &[Vec<WeightedColumn>], columns: usize) -> Self {
-        let mut starts = vec![0; columns + 1];
-        for &(column, _) in rows.iter().flatten() {
-            starts[column as usize + 1] += 1;
-        }
-        for column in 0..columns {
-            starts[column + 1] += starts[column];
-        }
-        let mut next = starts.clone();
-        let mut entries = vec![(0, 0.0); starts[columns]];
-        for (row, of_row) in rows.iter().enumerate() {
-            for &(column, weight) in of_row {
-                let at = &mut next[column as usize];
-                entries[*at] = (row as u32, weight);
-                *at += 1;
-            }
-        }
-        Self { starts, entries }
-    }
-
-    pub(crate) fn row(&self, row: usize) -> &[WeightedColumn] {
-        &self.entries[self.starts[row]..self.starts[row + 1]]
-    }
-
-    /// The product with `x`, where `weight` transforms each entry of the matrix.
-    pub(crate) fn apply(&self, x: &[f64], weight: impl Fn(f64) -> f64 + Sync) -> Vec<f64> {
-        let sum = |row: usize| self.row(row).iter().map(|&(at, w)| weight(w) * x[at as usize]).sum();
-        (0..self.starts.len() - 1).into_par_iter().map(sum).collect()
-    }
-
-    pub(crate) fn squares(&self) -> Vec<f64> {
-        let sum = |ends: &[usize]| self.entries[ends[0]..ends[1]].iter().map(|entry| entry.1 * entry.1).sum();
-        self.starts.windows(2).map(sum).collect()
     }
 }
 

@@ -98,20 +98,21 @@ impl<const C: usize> Sources<C> {
     /// The number of contributions to each row, before any is transposed. The first row belongs to the pixel `first`.
     pub(super) fn counts(&self, first: usize) -> Vec<u32> {
         let rows = self.own.len();
-        let none = || vec![0_u32; rows];
-        let of_task = |mut counts: Vec<u32>, task: &Task| {
-            for term in task.left.iter().flat_map(|source| source.terms(&self.chunks)) {
+        let of_tasks = |tasks: &[Task]| {
+            let mut counts = vec![0_u32; rows];
+            let left = tasks.iter().flat_map(|task| &task.left);
+            for term in left.flat_map(|source| source.terms(&self.chunks)) {
                 counts[term.key.other() as usize - first] += 1;
             }
             counts
         };
-        let add = |mut all: Vec<u32>, more: Vec<u32>| {
-            all.iter_mut().zip(more).for_each(|(all, more)| *all += more);
-            all
+        // Each thread needs memory for one count of each row.
+        let of_thread = self.tasks.len().div_ceil(rayon::current_num_threads()).max(1);
+        let mirrored: Vec<Vec<u32>> = self.tasks.par_chunks(of_thread).map(of_tasks).collect();
+        let count = |(row, own): (usize, &Source)| {
+            own.entries.len() as u32 + mirrored.iter().map(|counts| counts[row]).sum::<u32>()
         };
-        let mirrored = self.tasks.par_iter().fold(none, of_task).reduce(none, add);
-        let own = self.own.iter().map(|source| source.entries.len() as u32);
-        own.zip(mirrored).map(|(own, mirrored)| own + mirrored).collect()
+        self.own.iter().enumerate().map(count).collect()
     }
 
     /// The contributions of the paths from the pixel of a row, by ascending keys. Row 0 is the first row of these sources.

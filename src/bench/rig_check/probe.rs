@@ -8,6 +8,9 @@ use crate::image::Resolution;
 use crate::measure::{Calibration, Effort, FrameSource};
 use crate::rig::{Frame, RawFrame};
 
+/// The first take number of a probe. The photos of black and white before it have far fewer takes.
+const FIRST_TAKE: u32 = 1000;
+
 /// Takes photos at one exposure, and compares them with white.
 pub(crate) struct Probe<'a> {
     pub(crate) session: CalibrationSession<'a>,
@@ -38,7 +41,7 @@ impl<'a> Probe<'a> {
         let (least, most) =
             means.iter().fold((f64::MAX, 0.0_f64), |(low, high), &mean| (low.min(mean), high.max(mean)));
         let mut probe = Self {
-            session: CalibrationSession::new(frames),
+            session: CalibrationSession::starting_at(frames, FIRST_TAKE),
             exposure,
             is_known: known.is_some(),
             white: Vec::new(),

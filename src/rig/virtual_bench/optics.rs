@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::spec::{Splitter, VirtualCamera};
 use crate::error::Result;
 use crate::image::{Blur, Image, Resolution};
+use crate::sparse::{SparseRows, WeightedColumn};
 use crate::transport::{Transport, luminance};
 
 /// Sub-pixels along each side of a camera pixel.
@@ -42,8 +43,8 @@ impl VirtualCamera {
     }
 }
 
-/// The photo pixels that each camera pixel sees, with their weights.
-pub(crate) struct Optics(Vec<Vec<(u32, f64)>>);
+/// For each camera pixel, the pixels of the simulated photo that it averages, with their weights.
+pub(crate) struct Optics(SparseRows);
 
 impl Optics {
     /// The optics of a camera with `camera` pixels for a photo with `photo` pixels. `map` maps the point that should be seen to the point
@@ -53,7 +54,8 @@ impl Optics {
         photo: Resolution,
         map: &(dyn Fn([f64; 2]) -> [f64; 2] + Sync),
     ) -> Self {
-        Self((0..camera.pixels()).into_par_iter().map(|pixel| row(pixel, camera, photo, map)).collect())
+        let rows = (0..camera.pixels()).into_par_iter().map(|pixel| row(pixel, camera, photo, map));
+        Self(SparseRows::new(&rows.collect::<Vec<_>>()))
     }
 
     pub(crate) fn see(&self, photo: &Image, channel: usize) -> Vec<f64> {
@@ -64,8 +66,8 @@ impl Optics {
     /// The values of the camera's pixels. `light` gives the light of a photo pixel.
     pub(crate) fn resample(&self, light: impl Fn(usize) -> f64) -> Vec<f64> {
         let value =
-            |row: &Vec<(u32, f64)>| row.iter().map(|&(pixel, weight)| weight * light(pixel as usize)).sum();
-        self.0.iter().map(value).collect()
+            |row: &[WeightedColumn]| row.iter().map(|&(pixel, weight)| weight * light(pixel as usize)).sum();
+        self.0.rows().map(value).collect()
     }
 }
 

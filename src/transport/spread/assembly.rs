@@ -130,7 +130,8 @@ impl<const C: usize> Own<C> {
     ) -> Result<Option<Self>> {
         let rig = shape(tracer, settings);
         let steps = exchange::steps(comm, rig, pixels)?;
-        let share = Share::<C>::trace(tracer, settings, &pixels[comm.rank()], of.1, Some(&steps));
+        let several = (steps.count() > 1).then_some(&steps);
+        let share = Share::<C>::trace(tracer, settings, &pixels[comm.rank()], of.1, several);
         let Some(share) = agree(comm, share)? else { return Ok(None) };
         Self::merge(comm, rig, &steps, of, share).map(Some)
     }

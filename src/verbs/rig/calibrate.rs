@@ -8,7 +8,7 @@ use crate::calibrate::{CalibrateOptions, CalibrationReport, MapBy};
 use crate::error::{Error, Result};
 use crate::io::atomic;
 use crate::io::name::Name;
-use crate::lab::{RigSource, RunFolder, RunOptions};
+use crate::lab::{Log, RigSource, RunFolder, RunOptions};
 use crate::measure::{Calibration, Effort};
 use crate::report::content::Content;
 use crate::report::html::{Block, Outcome, Report, Section, Verdict};
@@ -90,7 +90,12 @@ impl Calibrate {
         let used = if earlier == Some(folder.as_path()) {
             (true, None)
         } else if self.is_used {
-            rig.name_calibration(&folder)?;
+            if let Err(error) = rig.name_calibration(&folder) {
+                // The calibration is complete, so its figures and its folder are told before the error.
+                let unnamed = Calibrated { report, effort, folder, used: (false, None) };
+                unnamed.content().lines.iter().for_each(|line| rig.observer().info(format_args!("{line}")));
+                return Err(error);
+            }
             let before =
                 earlier.map(|earlier| format!("; before, it was {}", earlier.display())).unwrap_or_default();
             (true, Some(format!("used      by {} from now on{before}", rig.file.path.display())))

@@ -153,12 +153,9 @@ impl CheckBench {
     pub fn ask(&self, source: Result<RigSource>, report: &mut rig_check::Report<'_>) -> Result<Findings> {
         let source = source.and_then(|source| source.require_programs_allowed().map(|()| source));
         let bench = match source {
-            // A calibration that cannot be read is a finding of the check.
-            Ok(source) => {
-                let known = source.file.load_calibration().transpose().ok().flatten();
-                BenchRig { source, known }
-            }
-            // An error of the rig becomes a finding. Other errors are returned.
+            // The check loads the calibration itself, since one that cannot be read is a finding.
+            Ok(source) => BenchRig { source, known: None },
+            // An error becomes a finding, except an interruption.
             Err(error) => return rig_check::unreadable(error, report),
         };
         let rig = RigToCheck {
