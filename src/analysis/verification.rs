@@ -1,9 +1,9 @@
 //! The quality of a result, judged by light that it was not computed from.
 //!
-//! The results for a scene are computed with a matrix from a finite number of light paths. The noise of this matrix is frozen, so an
-//! eigenvector fits the noise as well as the light. The same matrix therefore cannot tell how good the eigenvector is. Light paths of
-//! another seed can ([`Retraced::estimated_products`](crate::transport::Retraced::estimated_products)). On a rig, a photo that was not used
-//! for the result can.
+//! The results for a scene are computed with a matrix from a finite number of light paths. The noise of this matrix is frozen (equal in all
+//! products), so an eigenvector fits the noise as well as the light. The same matrix therefore cannot tell how good the eigenvector is.
+//! Light paths of another seed can ([`Retraced::estimated_products`](crate::transport::Retraced::estimated_products)). On a rig, a photo
+//! that was not used for the result can.
 
 use crate::krylov::{Eigs, temple_kato};
 use crate::transport::{EstimatedProduct, Squares};
@@ -27,8 +27,8 @@ pub struct Predicted {
 impl Predicted {
     /// The norm of the errors that the prediction may have in addition to noise.
     ///
-    /// If a result fits the noise of its matrix, and `ε` is the relative size of this noise, the result has more noise than another vector
-    /// by about `ε²`. Twice this excess is allowed. With 24×24 pixels and 64 light paths, this covers vectors of `ε = 0.3`.
+    /// A result that fits the noise of its matrix has more noise than another vector. The excess is about `ε²`, where `ε` is the relative
+    /// size of the noise. Twice this excess is allowed. With 24×24 pixels and 64 light paths, this covers vectors of `ε = 0.3`.
     pub fn allowed(&self) -> f64 {
         let size = (self.squares.product - self.squares.noise).max(f64::MIN_POSITIVE).sqrt();
         let fitted = if self.is_frozen { 2.0 * self.squares.noise / size } else { 0.0 };

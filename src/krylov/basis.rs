@@ -220,8 +220,8 @@ pub(super) fn exceeds_rounding(left: f64, size: f64, n: usize) -> bool {
     left > size * f64::EPSILON * (10.0 + (n as f64).sqrt())
 }
 
-/// The largest number of passes. "Twice is enough" (Giraud, Langou, Rozložník and van den Eshof, doi:10.1007/s00211-005-0615-4) if `w` is
-/// not in the span to working precision. A vector in the span shrinks to rounding errors, so its small norm reveals it.
+/// The largest number of passes. Two passes suffice (Giraud, Langou, Rozložník and van den Eshof, doi:10.1007/s00211-005-0615-4) unless `w`
+/// lies in the span to working precision. Such a vector shrinks to rounding errors, and its small norm reveals it.
 pub(super) const PASSES: usize = 3;
 
 pub(super) struct Removed {

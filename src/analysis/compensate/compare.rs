@@ -20,8 +20,9 @@ pub struct MethodRun {
     pub displayed: Vec<CompensationRow>,
     /// The number of photos taken by the method, without preparation.
     pub photos: usize,
-    /// The number of frames that the camera had taken for the method after each photo. It counts the frames of signs, bit planes,
-    /// exposures, takes and sentinels. Empty if photos are computed.
+    /// The number of frames that the camera had taken for the method after each photo. It counts the frames of the positive and negative
+    /// parts of patterns, of bit planes, exposures and repetitions, and of photos that measure the drift of the lamp. Empty if photos are
+    /// computed.
     pub frames: Vec<u64>,
     /// The relative residual of the final photo.
     pub residual: f64,
@@ -100,7 +101,7 @@ impl Clamping {
         Ratio::of(self.last(), self.inside(), ROUNDING)
     }
 
-    /// The index of the best clamped photo, if the photos after it made the clamped result worse.
+    /// The number of the photo with the best clamped result, if later photos made the clamped result worse.
     pub fn turning_point(&self) -> Option<usize> {
         let best = self.displayed.iter().min_by(|a, b| a.residual.total_cmp(&b.residual))?;
         // A difference of 1 % does not count as worse.

@@ -55,7 +55,7 @@ pub struct EigsOptions {
     /// change no eigenvalue by more than its standard error; and `½ ln n` further products have found no eigenvalue that the noise had
     /// hidden. If the tolerance is 0, the search still uses the whole budget. Default 0.
     pub noise: f64,
-    /// The first vector, or the first block ([`Start::block`]). Default: random signs of seed 0.
+    /// The first vector, or the first block ([`Start::block`]). Default: [`Start::Random`] with seed 0.
     pub start: Start,
     /// Known eigenvectors to project out. Default none.
     pub deflate: Vec<Vec<f64>>,
