@@ -305,9 +305,9 @@ impl fmt::Display for Ratio {
     }
 }
 
-/// Formats a number with `decimals` decimals, as in `0.1235`. If this text would have fewer than two significant digits, or more than nine
-/// digits before the point, the number is written with `decimals` significant digits (at least three) and a power of ten, as in `1.235e-7`.
-/// Only zero is shown as zero.
+/// Formats a number with `decimals` decimals, as in `0.1235`. This text must have two or more significant digits, and at most nine digits
+/// before the point. Otherwise the number has `decimals` significant digits (at least three) and a power of ten, as in `1.235e-7`. Only
+/// zero is shown as zero.
 pub fn decimal(value: f64, decimals: usize) -> String {
     let least = 10_f64.powi(1 - decimals as i32);
     if value == 0.0 || !value.is_finite() || (least..1e9).contains(&value.abs()) {

@@ -189,9 +189,9 @@ impl EigenpairEstimate {
     }
 }
 
-/// The share of half the difference `θ − q` that counts as an error of the mean of `θ` and `q`. It applies if eigenvalues are nearer to
-/// each other than this half difference, because errors of second order then do not cancel. The share was chosen on the scenes zigzag and
-/// cornell; `cargo bench --bench stated_errors` tests it on other scenes.
+/// If eigenvalues are nearer to each other than half the difference `θ − q`, errors of second order do not cancel in the mean of `θ` and
+/// `q`. This share of the half difference then counts as an error of the mean. The share was chosen on the scenes zigzag and cornell;
+/// `cargo bench --bench stated_errors` tests it on other scenes.
 const NOT_CANCELLED: f64 = 2.0 / 3.0;
 
 /// The eigenpairs of the scene, from the eigenpairs of a symmetric matrix and one independent product per eigenvector. `None` if pairs are
@@ -333,8 +333,8 @@ mod tests {
             let right: Vec<Option<usize>> = truth.iter().copied().map(Some).collect();
             let shuffled: Vec<Option<usize>> = (0..600).map(|_| Some(random.random_range(0..3))).collect();
             let of_right = Grouped::new(&right, &weights, &claimed, &seen);
-            // Half a unit of noise moves a pixel to a neighbouring group in a third of all cases, and in a sixth in the first and the last
-            // group.
+            // Half a unit of noise moves a third of the middle group's pixels to another group, and a sixth of the pixels of the first and
+            // the last group.
             assert!((0.7..0.85).contains(&of_right.agreement), "{of_right:?}");
             refuted[0] += usize::from(of_right.is_refuted());
             refuted[1] += usize::from(Grouped::new(&shuffled, &weights, &claimed, &seen).is_refuted());

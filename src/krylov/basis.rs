@@ -237,9 +237,10 @@ pub(super) struct Removed {
 /// next pass. `p` passes therefore read the basis `p + 1` times instead of `2p` times.
 ///
 /// # Bound
-/// For `m` columns of `n` rows let `γ = (r + 2m + 12) ε/2`, with `r = 128 + n/512`. Inner products are sums over blocks of 512 rows in four
-/// lanes, over the blocks, and over a few remaining rows (a relative error of `(r + 10) ε/2`). A removal rounds `m + 1` times. One pass
-/// leaves `‖Vᵀw‖ ≤ √k γ ‖w_before‖` for `k` columns that are orthonormal to working precision. Another pass is skipped in two cases only:
+/// For `m` columns of `n` rows let `γ = (r + 2m + 12) ε/2`, with `r = 128 + n/512`. Inner products are summed within blocks of 512 rows in
+/// four lanes, then over the blocks, and over a few remaining rows. Their relative error is `(r + 10) ε/2`. A removal rounds `m + 1` times.
+/// One pass leaves `‖Vᵀw‖ ≤ √k γ ‖w_before‖` for `k` columns that are orthonormal to working precision. Another pass is skipped in two
+/// cases only:
 ///
 /// * The remainder `w` has more than `1/√2` of the norm (Daniel, Gragg, Kaufman and Stewart): `‖Vᵀw‖ ≤ √(2k) γ ‖w‖`.
 /// * The inner products with the remainder, which are already known, are at most `8ε ‖w‖`: `‖Vᵀw‖ ≤ (8ε + √k γ) ‖w‖`.

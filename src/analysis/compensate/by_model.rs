@@ -73,7 +73,7 @@ pub fn compensate_by_model(
         let answer =
             Answer { target, options, peak, b: &b, pattern, observed: predicted, uncompensated: plain };
         let found = answer.of(solved)?;
-        // Further products with the model cannot improve this pattern, which is as good as the model.
+        // This pattern is as good as the model allows, and further products with the model cannot improve it.
         let good = found.residual < found.uncompensated_residual && (boxed || found.good);
         return Ok(Compensation { good, photos: history.len(), history, ..found });
     }

@@ -84,8 +84,8 @@ pub struct Compensation {
     pub clamping: Option<Clamping>,
     /// The reason why the method ended. For several channels, it is the least successful status.
     pub status: Status,
-    /// True if the pattern is within the tolerance, or is the optimum inside the box, or is better than no compensation and its photos
-    /// allowed no better pattern.
+    /// True in three cases: the pattern is within the tolerance; it is the optimum inside the box; or it is better than no compensation,
+    /// and its photos allowed no better pattern.
     pub good: bool,
 }
 

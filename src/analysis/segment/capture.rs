@@ -254,8 +254,8 @@ fn known_pixels(options: &SegmentOptions, graph: &Graph) -> Option<Resolution> {
 }
 
 /// The next starting patterns, after `before` earlier patterns. They are random, because patterns of ones would give the scene's symmetry
-/// to the whole Krylov space. If the resolution is known and there are several patterns, they are smooth and multiplied by the known
-/// vector, because an eigenvector of regions is the known vector times a constant on each region.
+/// to the whole Krylov space. An eigenvector of regions is the known vector times a constant on each region. If the resolution is known,
+/// several patterns are therefore smooth patterns times the known vector.
 fn starts(options: &SegmentOptions, graph: &Graph, before: usize) -> Vec<Vec<f64>> {
     let (m, count) = (graph.pixels().len(), options.start_count());
     let known = options.cut.known_vector(graph);

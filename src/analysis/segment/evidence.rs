@@ -1,7 +1,7 @@
 //! Evidence for a segmentation: the light that groups exchange, distances between pixels, and the agreement with other labels.
 //!
-//! Each group is lit alone. The photo under a group's own pixels shows all pixels that its light reaches. Summed over groups, these photos
-//! give the exchanged light, `E_ab = 1_aᵀ G 1_b`, and the value of the cut, `Σ_a (1 − E_aa / Σ_b E_ab)`, without any model.
+//! Each group is lit alone. The photo then shows all pixels that light from this group reaches. Summed over the pixels of each group, these
+//! photos give the exchanged light, `E_ab = 1_aᵀ G 1_b`, and the value of the cut, `Σ_a (1 − E_aa / Σ_b E_ab)`, without any model.
 
 use std::collections::BTreeMap;
 

@@ -25,8 +25,8 @@ const EXACT: f64 = 1e-6;
 /// A region must keep at least this share of its light.
 pub const KEPT: f64 = 0.85;
 
-/// The count is clear if the next eigenvalue is at least this many times as far from 1 as the last eigenvalue of a region, and a region
-/// with this next eigenvalue would keep too little of its light ([`KEPT`]).
+/// The count is clear if the next eigenvalue is at least this many times as far from 1 as the last eigenvalue of a region. In addition, a
+/// region with this next eigenvalue must keep too little of its light ([`KEPT`]).
 const CLEAR: f64 = 4.0;
 
 /// A suggested number of regions, and the evidence for this number.
@@ -41,8 +41,8 @@ pub struct Regions {
     pub last: f64,
     /// The distance from 1 of the eigenvalue after the gap, or a lower bound; `None` if the capture ended before it found this eigenvalue.
     pub next: Option<f64>,
-    /// The ratio of `next` to `last`. `last` counts as at least 0.001, and as at least the share of light that a blur carries across a
-    /// border.
+    /// The ratio of `next` to `last`. Here `last` is raised to at least 0.001, and to at least the share of light that a blur carries
+    /// across a border.
     pub ratio: Option<f64>,
     /// The part of `count` that only the coordinates of the pixels reveal, because groups were divided.
     pub divided: usize,
