@@ -202,7 +202,7 @@ pub(super) fn confirming_step(observer: &dyn Observer, done: usize, total: usize
 /// The largest useful share `ε`. Beyond half of the spectrum's spread, a confirmation says nothing.
 pub(super) const MOST: f64 = 0.5;
 
-/// A new pair may take this many times the steps of a confirmation to converge.
+/// A confirmation that finds a new pair may take this many times its planned steps, so that the pair converges.
 const PATIENCE: usize = 10;
 
 /// A search that further processes confirm. Each process runs on the complement of the pairs found so far.

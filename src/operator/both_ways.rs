@@ -31,7 +31,7 @@ impl<F: Operator, B: Operator> Exchanged<F, B> {
     /// photos, `1ᵀA 1` and `1ᵀAᵀ1`, measure the same light. Takes two products.
     ///
     /// # Errors
-    /// The errors of [`Exchanged::new`]; [`Error::Numerical`] if the second arrangement sees no light; any error of the products.
+    /// The errors of [`Exchanged::new`]; [`Error::Numerical`] if one of the arrangements sees no light; any error of the products.
     pub fn in_one_unit(mut forth: F, mut back: B) -> Result<Self> {
         let light = |operator: &mut dyn Operator| -> Result<f64> {
             let ones = vec![1.0; operator.cols()];

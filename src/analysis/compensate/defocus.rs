@@ -173,7 +173,7 @@ mod tests {
         let mut back = vec![0.0; x.len()];
         model.apply(&y, &mut back)?;
         for (a, b) in back.iter().zip(&x) {
-            // The kernels are equal. The error is a thousand roundings, amplified by at most ten.
+            // Both blurs have the same kernel. The error is a thousand roundings, amplified by at most ten.
             assert!((a - b).abs() < 1e-11, "{a} {b}");
         }
         for width in [0.0, 0.5, 2.0] {

@@ -20,11 +20,11 @@ use crate::operator::{Adjoint, Symmetry};
 /// method stops only at the true optimum.
 ///
 /// The method takes one product per step and needs no transpose. `‖r‖` falls monotonically. Every iterate is inside the box, and the first
-/// iterate is scaled to the best brightness. For an operator that is not symmetric, the model is Broyden's, and the method may stop away
-/// from the optimum. A [`SolveOptions::surrogate`], which has a transpose, then reduces the distance to the optimum. All patterns are
-/// inside the box, except residuals, which are signed. The method ends when the model knows `A r` and predicts no gain beyond `rtol`. After
-/// `k` products the method stores `2k` `n`-vectors (two more for a white photo in the options); `b, x`, the best `x`, `r, D, D^½`, the
-/// candidate, a product and four work vectors (five for an operator that is not symmetric).
+/// iterate is scaled to the best brightness. For an operator that is not symmetric, the model is not symmetric either (Broyden's matrix),
+/// and the method may stop away from the optimum. A [`SolveOptions::surrogate`], which has a transpose, then reduces the distance to the
+/// optimum. All patterns are inside the box, except residuals, which are signed. The method ends when the model knows `A r` and predicts no
+/// gain beyond `rtol`. After `k` products the method stores `2k` `n`-vectors (two more for a white photo in the options); `b, x`, the best
+/// `x`, `r, D, D^½`, the candidate, a product and four work vectors (five for an operator that is not symmetric).
 ///
 /// References: The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for all pairs at once:
 /// Dennis and Moré (1977), doi:10.1137/1019005. Minimal residuals over all products taken: Eirola and Nevanlinna (1989),

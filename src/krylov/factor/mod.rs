@@ -107,7 +107,7 @@ pub struct Factorization {
     /// Columns `Q`, then `v_1 … v_{m+p}`.
     basis: Basis,
     known: usize,
-    /// The number of vectors that start the process. As many random vectors continue the process if its subspace is invariant.
+    /// The number of vectors that start the process. If the subspace is invariant, the same number of random vectors continues the process.
     block: usize,
     /// For each step, the coefficients of `A v_j` on `Q, v_1, …`, up to the vector that the step appended.
     columns: Vec<Vec<f64>>,
