@@ -2,8 +2,8 @@
 //!
 //! | method | photos | accuracy |
 //! |---|---|---|
-//! | [`checkerboards`] | `shifts²` | exact if global light does not resolve the squares |
-//! | [`sinusoids`] | 3 or more per direction | exact if global light does not resolve the waves |
+//! | [`checkerboards`] | `shifts²` | exact if global light is smooth on the scale of the squares |
+//! | [`sinusoids`] | 3 or more per direction | exact if global light is smooth on the scale of the waves |
 //! | [`codes`] | 4, 8, 16, … | light of near pixels cancels; other global light is in the standard errors |
 //! | [`random_patterns`] | any number | unbiased; the noise falls as `1/√photos` |
 //! | [`from_capture`] | the white photo | approximate, from the photos of a Krylov capture |

@@ -2,8 +2,8 @@
 //!
 //! The results for a scene are computed with a matrix from a finite number of light paths. The noise of this matrix is frozen (equal in all
 //! products), so an eigenvector fits the noise as well as the light. The same matrix therefore cannot tell how good the eigenvector is.
-//! Light paths of another seed can ([`Retraced::estimated_products`](crate::transport::Retraced::estimated_products)). On a rig, a photo
-//! that was not used for the result can.
+//! Light paths of another seed can tell it ([`Retraced::estimated_products`](crate::transport::Retraced::estimated_products)). On a rig, a
+//! photo that was not used for the result can tell it.
 
 use crate::krylov::{Eigs, temple_kato};
 use crate::transport::{EstimatedProduct, Squares};
@@ -96,7 +96,7 @@ fn upper_tail(z: f64) -> f64 {
 /// A judgement of the groups of a segmentation by independent light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grouped {
-    /// The share of variance that lies between the groups, for the coordinates that independent light gives the pixels.
+    /// Independent light gives coordinates to the pixels. This is the share of their variance that lies between the groups.
     pub explained: f64,
     /// The largest share, in 999 of 1000 cases, for labels unrelated to the light.
     pub by_chance: f64,

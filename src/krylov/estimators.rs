@@ -248,7 +248,7 @@ pub struct RandomizedSvd {
 /// `(A Aᵀ)^q A Ω`, where the columns of `Ω` are `l` vectors of random signs. A small decomposition of `QᵀA` follows.
 ///
 /// If the singular values decay, the expected error is the error of the best rank-`k` approximation times a factor near 1. Otherwise, a
-/// round of subspace iteration (`power`) helps and costs `2 l` products. Each round is orthonormalized.
+/// round of subspace iteration (`power`) helps and costs `2 l` products. The vectors are orthonormalized in each round.
 ///
 /// [`LowRankOptions`] gives the rank `k`, the width `l = k + oversampling` of the sketch, `q` and the number of probes. The function takes
 /// `2 (q + 1) l + probes` products (fewer if the sketch is rank-deficient).

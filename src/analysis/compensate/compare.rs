@@ -16,7 +16,7 @@ pub struct MethodRun {
     pub name: &'static str,
     /// The residual after each photo, as the method computes it for its unclipped pattern. Each row has the smallest residual so far.
     pub history: Vec<CompensationRow>,
-    /// The residual of a photo of the method's pattern after each step, clipped to the projector's range.
+    /// The residual after each step, from a photo of the method's pattern clipped to the projector's range.
     pub displayed: Vec<CompensationRow>,
     /// The number of photos taken by the method, without preparation.
     pub photos: usize,
@@ -68,10 +68,11 @@ pub fn compare_methods<O: Adjoint>(
     Ok(runs)
 }
 
-/// A comparison of an unconstrained method, whose pattern is clamped after each photo, with a box-constrained method.
+/// A comparison of an unconstrained method with a box-constrained method. The pattern of the unconstrained method is clamped after each
+/// photo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clamping {
-    /// The residual of the photo of the method's pattern after each step, clamped and projected.
+    /// The residual after each step, from the photo of the clamped pattern.
     pub displayed: Vec<CompensationRow>,
     /// The residuals of [`Method::KrylovBox`] with the same number of photos.
     pub boxed: Vec<CompensationRow>,

@@ -163,7 +163,7 @@ mod tests {
     fn undoes_a_gaussian_where_nothing_is_lost_and_tells_its_width() -> Result<()> {
         let resolution = Resolution::new(24, 15);
         let white: Vec<f64> = (0..resolution.pixels()).map(|i| 0.5 + 0.01 * (i % 7) as f64).collect();
-        // A Gaussian of half a pixel keeps a third of the highest frequency.
+        // A Gaussian of half a pixel attenuates the highest frequency to a third.
         let (x, width) = (noise(resolution.pixels()), 0.5);
         let root: Vec<f64> = white.iter().map(|d| d.sqrt()).collect();
         let times = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a * b).collect() };

@@ -116,7 +116,7 @@ pub struct Prior {
 /// light.
 ///
 /// `channels` holds one operator (`n × n`) per channel of the target. The channels are independent systems and are solved one after the
-/// other. One colour photo is one product with each operator, so the number of photos is the number of the channel that took the most. The
+/// other. One colour photo is one product with each operator, so the number of photos is the largest number of products of a channel. The
 /// observer of each operator sees the products of the method and may stop the method; the baseline is not observed. A pattern outside
 /// [floor, 1] is clipped, as by a projector, and the residuals before and after clipping are both reported. [`Method::KrylovBox`] keeps its
 /// patterns inside the box.

@@ -25,8 +25,8 @@ pub struct LowRankCapture {
 /// Returns `count` smooth random patterns (`n` each) for [`LowRankCapture::beside`]. They are random signs blurred by a sixteenth of the
 /// width, because global light and natural images are smooth as well.
 ///
-/// Example: an egg carton at 100×100, 40 photos. With eleven of these starts in addition to white, the model relights checkerboards,
-/// stripes and a half-lit field with errors of 3.2 to 4.7 %. With white alone, it relights four natural images with errors of 2.2 to 5.9 %.
+/// For an egg carton at 100×100, a model of 40 photos with eleven of these starts in addition to white relights checkerboards, stripes and
+/// a half-lit field with errors of 3.2 to 4.7 %. With white alone, it relights four natural images with errors of 2.2 to 5.9 %.
 pub fn smooth_starts(resolution: Resolution, count: usize, seed: u64) -> Vec<Vec<f64>> {
     smooth_patterns(resolution, std::f64::consts::SQRT_2 * default_sigma(resolution), count, seed)
 }

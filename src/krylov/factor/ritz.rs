@@ -160,9 +160,9 @@ impl RitzPair {
         evenly(noise, n).hypot(self.asymmetric).hypot(unresolved)
     }
 
-    /// A limit for the residual of the true operator along the directions that matter. It combines two terms: the part of the residual that
-    /// the stated errors of the products do not explain, and the component of these errors along any one direction of the space. If no
-    /// errors are stated, the limit is the residual itself.
+    /// A limit for the residual of the true operator that includes noise only along one direction. It combines two terms: the part of the
+    /// residual that the stated errors of the products do not explain, and the component of these errors along any one direction of the
+    /// space. If no errors are stated, the limit is the residual itself.
     pub fn beyond_noise(&self, n: usize) -> f64 {
         let unexplained = (self.residual * self.residual - self.noise * self.noise).max(0.0);
         (unexplained + evenly(self.noise, n).powi(2)).sqrt()
