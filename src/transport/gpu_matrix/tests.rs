@@ -119,7 +119,8 @@ fn magnitudes(
     let mut sums = vec![(0.0, 0); if is_transposed { csr.cols() } else { csr.rows() }];
     csr.entries().for_each(|(row, column, weight)| {
         let sum = &mut sums[if is_transposed { column } else { row }];
-        // The diagonal and the layers may have entries at the same position, which are a single entry here. It is counted as three terms.
+        // Up to three entries of the diagonal and the layers have the same position, and are a single entry here. It is counted as three
+        // terms.
         *sum = (sum.0 + weight.abs(), sum.1 + 3);
     });
     sums
