@@ -100,7 +100,7 @@ fn pattern(pixels: usize) -> Vec<f64> {
 
 type Told = (Vec<Vec<f64>>, Vec<f64>, Vec<Csr>);
 
-/// All results that a matrix can give: products with vectors and blocks in both directions, norms, entries, ambient light and noise.
+/// All results of a matrix: products with vectors and blocks in both directions, norms, entries, ambient light and noise.
 fn told(traced: &Assembled) -> Result<Told> {
     let matrix = &traced.matrix;
     let (mut vectors, mut norms, mut entries) = (Vec::new(), Vec::new(), Vec::new());
