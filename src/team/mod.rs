@@ -87,7 +87,7 @@ pub fn require_same_program(comm: &dyn Comm, placements: &[Placement], program: 
         .help("start the same program on every machine"))
 }
 
-/// A team, seen from its leader.
+/// The leader's view of a team.
 pub struct Team {
     comm: Arc<dyn Comm>,
     placements: Vec<Placement>,
@@ -253,7 +253,8 @@ pub enum Told<C> {
     Command(u64, C),
 }
 
-/// Serves the leader, the process of rank 0, until the leader ends the team. `told` drops objects and executes commands.
+/// Serves the leader, the process of rank 0, until the leader ends the team. `told` receives all other messages, and drops objects or
+/// executes commands.
 ///
 /// # Panics
 /// If a message cannot be read, because the leader then waits for a reply that this process cannot give.

@@ -240,7 +240,7 @@ pub(super) struct Share<const C: usize> {
     pub(super) direct: Vec<Estimates<C>>,
     /// The light that the scene itself emits towards each camera pixel, with its error.
     pub(super) ambient: Vec<Estimates<C>>,
-    /// Whether each endpoint has paths in both halves of the samples. Only then can the noise be estimated.
+    /// Whether each endpoint (camera, projector) has paths in both halves of the samples. Only then can the noise be estimated.
     pub(super) has_halves: bool,
     pub(super) summary: TraceSummary,
 }

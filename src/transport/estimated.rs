@@ -37,7 +37,7 @@ pub struct Question<'a> {
     pub shift: f64,
 }
 
-/// Sums of squares that measure how close a prediction of a photo is.
+/// Sums of squares that measure how close a prediction is to a photo.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Squares {
     /// The sum of the squared differences between the photo and the prediction.

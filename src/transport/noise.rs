@@ -32,7 +32,7 @@ impl From<&Noise> for crate::io::manifest::Noise {
 /// A mean and its error (`e` of [`Noise`]) in each of `C` channels.
 pub(super) type Estimates<const C: usize> = [[f64; 2]; C];
 
-/// The weights of samples from the two halves. Weighted samples sum to a mean and its error.
+/// The weights of samples from the two halves. The weighted samples sum to a mean and its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Halves {
     mean: f64,

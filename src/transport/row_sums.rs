@@ -10,8 +10,7 @@ use super::noise::Estimates;
 /// unit of the sum.
 const POWERS: u32 = 70;
 
-/// The unit of the sums, which is a power of two. It depends only on the largest of all values, so a sum does not depend on the order of
-/// its terms.
+/// The unit of the sums, a power of two. It depends only on the largest of all values, so a sum does not depend on the order of its terms.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
     lowest: u32,

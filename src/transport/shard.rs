@@ -37,7 +37,7 @@ pub struct ShardRecord {
     pub split: bool,
     /// The pixels whose paths the shard contains.
     pub pixels: StartPixels,
-    /// Whether each endpoint has paths in both halves of the samples. Only then can the noise be estimated.
+    /// Whether each endpoint (camera, projector) has paths in both halves of the samples. Only then can the noise be estimated.
     pub has_halves: bool,
     /// The cost of tracing.
     pub summary: TraceSummary,

@@ -18,7 +18,8 @@ use crate::operator::{Adjoint, Operator};
 use crate::render::{Connection, StartPixels};
 use crate::team::{Comm, Threads, threads};
 
-/// The paths from the pixels of one endpoint. Each path has its start pixel, its half of the samples, and its connections.
+/// The paths from the pixels of one endpoint (camera or projector). Each path has its start pixel, its half of the samples, and its
+/// connections.
 type Paths = Vec<(u32, usize, Vec<Connection>)>;
 
 const SAMPLES: u32 = 4;

@@ -70,7 +70,7 @@ pub(in crate::transport) fn coaxial() -> Assembled {
     Assembled { matrix, ambient, noise: None, summary: TraceSummary::default(), gpu_matrix: None }
 }
 
-/// A projector beside the camera with fewer pixels. Direct light is a layer.
+/// A rig whose projector is beside the camera and has fewer pixels. Direct light is a layer.
 fn apart() -> TransportMatrix {
     let random = &mut Pcg64::seed_from_u64(2);
     let rig =

@@ -22,8 +22,8 @@ use crate::transport::wire::{self, unread};
 /// The steps in which the rows of a matrix are merged. In each step, all processes merge a group of their rows at the same time.
 ///
 /// In a coaxial rig, a contribution counts for two rows: those of the pixels at both ends of its path. In any other rig, it counts only for
-/// the row of its camera pixel. If these two rows are merged in different steps, the contribution is needed only in the earlier step. In
-/// the later step, its entry is copied from the finished rows, which contain the mirror image.
+/// the row of its camera pixel. If its two rows are merged in different steps, a contribution is needed only in the earlier step. In the
+/// later step, its entry is copied from the finished rows, which contain the mirror image.
 #[derive(Debug)]
 pub(in crate::transport) struct Steps {
     symmetric: bool,

@@ -3,9 +3,9 @@
 //!
 //! Every sum is taken in the order of a single process, so the bits do not depend on the number of processes:
 //!
-//! * A row of the matrix gets contributions from the paths of its own pixel, and from paths of other pixels that end there. Each process
-//!   sends contributions of the second kind to the process that holds the row (`exchange`), which merges them by ascending start pixel. In
-//!   a symmetric matrix, one process merges an entry, and the mirror image is a copy.
+//! * A row of the matrix gets contributions from the paths of its own pixel, and from paths of other pixels that end at this pixel. Each
+//!   process sends contributions of the second kind to the process that holds the row (`exchange`), which merges them by ascending start
+//!   pixel. In a symmetric matrix, one process merges an entry, and the mirror image is a copy.
 //! * Sums over rows and over all entries, from which the noise is computed, are exact, so they do not depend on the order (`exchange`).
 //! * An entry of a product is the sum over the entries of a row from left to right. The process that holds the row computes this sum, and
 //!   the leader collects all rows ([`Spread`]). The transpose of a rig that is not coaxial is spread by projector pixels at first use.

@@ -88,8 +88,8 @@ fn a_probe_measures_a_small_matrix_of_the_scene() {
         let hit = reached * (1.0 - (-3.0 * per_path / reached).exp());
         let of_start = found as f64 / paths as f64;
         assert!(probe.reached < 1.0 && (hit - of_start).abs() < 1e-6 * of_start, "{hit}, {of_start}");
-        // By these constants, the traced paths, the merged entries, five products and five operations on vectors of 2²¹ entries together
-        // take at most the time of the whole measurement.
+        // By the constants of the probe, the traced paths, the merged entries, five products and five operations on vectors of 2²¹ entries
+        // together take at most the time of the whole measurement.
         let entries =
             assemble(&mut tracer, &pilot, Channels::Luma).expect("it can be traced").matrix.nonzeros() as f64;
         let parts = [

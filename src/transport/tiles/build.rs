@@ -117,8 +117,8 @@ pub(in crate::transport) fn groups(rows: usize) -> Vec<Range<usize>> {
     (0..rows).step_by(group).map(|first| first..rows.min(first + group)).collect()
 }
 
-/// Entries of some rows in the columns of one process, copied from finished rows of that process. In each row, they come before the entries
-/// of the pieces in the columns of that process. These columns end before the column `columns_before`.
+/// Entries of some rows in the columns of one process, copied from finished rows of that process. In each row, these entries come before
+/// the entries of the pieces in the columns of that process, which end before the column `columns_before`.
 pub(in crate::transport) struct Before {
     pub(in crate::transport) fragments: Vec<Fragment>,
     pub(in crate::transport) columns_before: usize,

@@ -11,7 +11,8 @@ use std::arch::x86_64::*;
 
 use super::kernels::{Interleaved, Kernel, LANES, Slice};
 
-/// The number of steps between prefetch and use of an entry, which covers memory latency. Hardware prefetchers do not cross pages.
+/// The number of steps between prefetch and use of an entry, which covers memory latency. The kernels prefetch because hardware prefetchers
+/// do not cross pages.
 const AHEAD: usize = 80;
 
 /// The kernels for a single vector. The list is empty if the processor lacks the instructions.
@@ -30,7 +31,7 @@ pub(super) fn of_one() -> Vec<Kernel<f64>> {
     vec![by_four, one_by_one]
 }
 
-/// The kernel for four interleaved vectors, four numbers of which fill one register. The list is empty if the processor lacks the
+/// The kernel for four interleaved vectors. The four numbers of an element fill one register. The list is empty if the processor lacks the
 /// instructions.
 pub(super) fn of_four() -> Vec<Kernel<Interleaved>> {
     if !is_x86_feature_detected!("avx2") {
