@@ -84,7 +84,8 @@ pub(super) fn with_direct<const C: usize>(
     sums
 }
 
-/// The partial sums of all tasks together take at most `1/MEMORY_SHARE` of the memory of the contributions.
+/// The partial sums of several tasks together take at most `1/MEMORY_SHARE` of the memory of the contributions. A single task may take
+/// more.
 const MEMORY_SHARE: usize = 4;
 
 /// The number of pixels in a stripe. The sums of one stripe are close together in memory.

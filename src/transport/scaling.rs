@@ -111,7 +111,7 @@ const BASE: f64 = 130e6;
 /// The fraction of all rows that is merged and becomes tiles at the same time.
 const GROUP: f64 = 1.0 / 16.0;
 /// The ratio of peak memory to the size of the arrays in use at that time. It exceeds 1 because allocators keep freed memory. With 512x512
-/// pixels and 256 samples, the ratio 1.0 was measured in a single process, and 0.9 to 1.1 in each of four processes.
+/// pixels and 256 samples, ratios of 1.0 in a single process and of 0.9 to 1.1 in each of four processes were measured.
 const SLACK: f64 = 1.1;
 
 /// The measured constants of a scene on this machine. Times are those of all cores of this process together.
