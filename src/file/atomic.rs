@@ -55,7 +55,7 @@ fn write_steps(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Resul
     }
 }
 
-/// What a write replaces or writes to.
+/// The file that a write replaces, or the stream that it writes to.
 enum Target {
     /// A regular file, or a file that does not exist yet. Links of the user are resolved in the path.
     File(Spot, PathBuf),

@@ -69,7 +69,7 @@ impl Lab {
         measured.measurement.sight()?.require()?;
         let is_tested = matches!(&self.source, Source::Rig(rig) if !rig.is_calibrated);
         match measured.measurement.check_pattern(!is_tested) {
-            // The examination photographs white again after the same patterns. The journal of an old run lacks this photo.
+            // The check needs a photo of a test pattern. The journal of an old run lacks this photo.
             Err(Error::NotTaken { .. }) => {}
             map => {
                 let map = map?;

@@ -127,7 +127,7 @@ impl Lab {
         let _ = self.observer.0.step(&step);
     }
 
-    /// Runs `work`, which takes photos. Records its time and the costs on a rig, which matter most if `work` failed.
+    /// Runs `work`, which takes photos. Records its time, and the costs on a rig, even if `work` fails.
     pub(crate) fn photos<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
         self.photos_with(|_| true, work)
     }
@@ -144,7 +144,7 @@ impl Lab {
             Some(transport) => lock(transport).record(is_complete)?,
             None => None,
         };
-        // A replayed run keeps the findings of its own photos, which include some photos that this question does not need.
+        // A replayed run keeps the findings from all of its photos, even if this request does not need all of them.
         self.findings = self.source.findings();
         if let Some(mut rig) = record {
             merge(&mut self.findings, std::mem::take(&mut rig.findings));
@@ -168,7 +168,7 @@ impl Lab {
         &self.findings
     }
 
-    /// Lets `work` use the rig's measurement, if photos are of a rig. Fails as [`Lab::operator`] and `work`.
+    /// Calls `work` with the rig's measurement; `None` if no rig takes the photos. Fails as [`Lab::operator`] and `work`.
     pub fn with_measurement<T>(
         &mut self,
         work: impl FnOnce(&mut Measurement) -> Result<T>,
