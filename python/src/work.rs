@@ -53,7 +53,7 @@ pub(crate) fn detached<T: Send>(
 
 type Guarded<T> = (std::thread::Result<krylux::Result<T>>, Option<PyErr>);
 
-/// Runs `body`. If it is a call within another call, from a Python callback, it keeps its exceptions separately.
+/// Runs `body`. A call that a Python callback makes inside another call keeps its exceptions separately.
 fn guarded<T>(body: impl FnOnce() -> krylux::Result<T>) -> Guarded<T> {
     let outer = CAUGHT.with(RefCell::take);
     let done = catch_unwind(AssertUnwindSafe(body));

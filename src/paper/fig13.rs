@@ -56,7 +56,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         bright.push((f64::from(planes), off(&take(rig, planes, BRIGHT)?)));
         dim.push((f64::from(planes), off(&take(&noisy, planes, DIM)?)));
     }
-    // With and without read noise, the frames are otherwise equal. Their difference is therefore the noise.
+    // The frames with and without read noise are otherwise equal, so their difference is the noise.
     let mut read_only = noisy.clone();
     read_only.camera.shot_noise = false;
     read_only.camera.bits = 16;
