@@ -90,7 +90,8 @@ fn in_pool<T: Send>(body: impl FnOnce() -> T + Send) -> T {
             Some((_, pool)) => Ok(Arc::clone(pool)),
             None => rayon::ThreadPoolBuilder::new().build().map(|pool| {
                 let pool = Arc::new(pool);
-                // In a child of a child, the earlier pool belongs to the parent, and its threads do not exist here. It must not be joined.
+                // In a child of a child, the earlier pool is the parent's. It must not be dropped: this would wait for threads that do not
+                // exist here.
                 std::mem::forget(known.replace((process, Arc::clone(&pool))));
                 pool
             }),

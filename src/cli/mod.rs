@@ -129,7 +129,7 @@ pub fn main() -> ExitCode {
         Verb::DescribeCamera(args) => args.run(&console),
     };
     if let Some(team) = team {
-        // Values that are never dropped may still refer to the team. It must be ended, since MPI otherwise reports this process as failed.
+        // The team is ended explicitly, since values that are never dropped may refer to it. MPI would otherwise report a failed process.
         team.end();
     }
     match outcome {

@@ -119,8 +119,9 @@ struct PhotoLine {
     start: Instant,
     /// The time of the last line.
     last: Instant,
-    /// The number of photos of earlier stages, which are left out because each took a different time, and the largest number of all photos.
+    /// The number of photos of earlier stages. The written lines omit them, since each of them took a different time.
     before: u64,
+    /// The largest number of photos of all stages together.
     total: u64,
 }
 

@@ -178,7 +178,7 @@ impl Lab {
     }
 
     /// Findings about unrequested behaviour of a rig's devices, such as an automatic iris. The devices are opened for this check alone,
-    /// before they are opened as an operator. Devices that a program handed over can be opened only once, so they are not examined.
+    /// before they are opened to take photos. The list is empty if they cannot be opened.
     pub(crate) fn faults_of_devices(&mut self) -> Result<Vec<Finding>> {
         self.transport = None;
         let Source::Rig(rig) = &self.source else { return Ok(Vec::new()) };

@@ -1,5 +1,5 @@
-//! Compensation methods after equal numbers of photos (the paper's with clamping, box-constrained ones, the optimum), with target and
-//! pictures.
+//! Compares compensation methods after equal numbers of photos: the paper's method with clamping, box-constrained methods, and the optimum.
+//! The target and the pictures are made here, too.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;

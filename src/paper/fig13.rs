@@ -129,7 +129,7 @@ fn photo(
     };
     let file = RigFile { measurement, kind: RigKind::Virtual(rig.clone()), ..file.clone() };
     let mut lab = lab.through_rig(file)?;
-    // The checks of the rig would fail in dim light, because noise hides white at most pixels. The figure shows this effect.
+    // In dim light, the checks of the rig would fail, because noise hides even the white pattern at most pixels. The figure shows this.
     lab.unexamined();
     let pattern = Image::from_planes(lab.resolution(), &[pattern.to_vec()])?;
     // The source is a virtual rig, so its devices exist, and its photos are measured.

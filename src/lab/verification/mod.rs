@@ -73,7 +73,7 @@ pub struct VerifiedEigenpairs {
 
 impl VerifiedEigenpairs {
     /// The number of eigenvectors that are only noise of the matrix, in a segmentation that counts `regions` regions. Under independent
-    /// light, such an eigenvector keeps a smaller share of its light than [`KEPT`].
+    /// light, such an eigenvector keeps a smaller fraction of its light than [`KEPT`].
     pub fn refuted(&self, regions: usize) -> usize {
         let counted = self.estimates.iter().take(regions.saturating_sub(1));
         counted.filter(|estimate| estimate.quotient[0] + 2.0 * estimate.quotient[1] < KEPT).count()

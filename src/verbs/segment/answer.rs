@@ -242,7 +242,7 @@ impl Segmented {
         }
     }
 
-    /// The finding whether the groups agree with the true labels as well as requested. If this cannot be examined, the finding fails.
+    /// One finding: whether the groups agree with the true labels as well as requested. If this cannot be examined, the finding fails.
     fn agreement(&self) -> Option<Finding> {
         let least = self.min_rand_index?;
         let expected = format!("at least {least}");
