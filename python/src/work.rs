@@ -129,7 +129,7 @@ impl<T> Held<T> {
         if self.process == std::process::id() { self.lock().take() } else { None }
     }
 
-    /// Lets `work` use the value, without the interpreter's lock.
+    /// Calls `work` with the value, without the interpreter's lock.
     pub(crate) fn with<R: Send>(
         &self,
         py: Python<'_>,

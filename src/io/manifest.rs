@@ -128,7 +128,7 @@ pub struct Noise {
 pub struct Verification {
     /// The kind of the independent light.
     pub by: Independent,
-    /// What the results predict, such as `photos of the eigenvectors`.
+    /// The light that the results predict, such as `photos of the eigenvectors`.
     pub of: String,
     /// The relative difference between predicted and independent photos, without the noise of the independent photos.
     pub error: f64,

@@ -280,8 +280,8 @@ pub(super) fn scan(file: &File, identity_hash: &[u8; 32], start: u64, length: u6
             }
             other => other,
         };
-        // Suppose that bytes were lost inside the preceding record. The next record then starts within what seems to be the payload of the
-        // preceding record, so the search starts at that payload.
+        // Bytes may have been lost inside the preceding record. The next record then starts within the apparent payload of the preceding
+        // record, so the search starts at this payload.
         let before = found.entries.last().filter(|entry| entry.end() == at);
         let from = before.map_or(at + 1, Entry::payload_at);
         match find_record(file, identity_hash, from, at, length)? {

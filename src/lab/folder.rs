@@ -237,7 +237,7 @@ fn make_free(name: &str) -> Result<PathBuf> {
         let made = path.parent().map_or(Ok(()), std::fs::create_dir_all);
         match made.and_then(|()| std::fs::create_dir(&path)) {
             Ok(()) => return Ok(path),
-            // The disk is full long before the numbers are used up.
+            // The addition cannot overflow, since the disk is full long before.
             Err(error) if error.kind() == ErrorKind::AlreadyExists && path.exists() => number += 1,
             Err(error) => return Err(Error::writing(&path)(error)),
         }

@@ -142,7 +142,7 @@ mod tests {
             [([0.2, 0.2], [1.0, 0.0, 0.0]), ([1.2, 1.2], [0.0, 1.0, 0.0]), ([0.2, -0.3], [0.0, 0.0, 1.0])]
         {
             let found = seen(&painted(at.into()));
-            // The camera sees the surface perpendicularly, up to half a pixel.
+            // The ray is perpendicular to the surface, up to half a pixel, so the colour is not darkened.
             assert!(found.iter().zip(color).all(|(a, b)| (a - b).abs() < 0.1), "{at:?}: {found:?}");
         }
     }

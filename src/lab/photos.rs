@@ -162,8 +162,8 @@ impl Lab {
         lock(self.transport()?).record(true)
     }
 
-    /// Findings about the rig from the photos of the last verb: whether it sees the projector, whether its light is steady, and whether
-    /// each light path has the same strength in both directions. Empty for other sources.
+    /// Findings about the rig from the photos of the last verb: whether its camera sees the projector, whether its light is steady, and
+    /// whether each light path has the same strength in both directions. Empty for other sources.
     pub fn findings(&self) -> &[Finding] {
         &self.findings
     }

@@ -31,7 +31,7 @@ impl Replaced {
     pub(super) fn move_aside(run: &Path) -> Result<Self> {
         let is_free =
             |name: &String| [name, &format!("{name}{MOVING}")].iter().all(|name| !is_there(&run.join(name)));
-        // The disk is full long before the numbers are used up.
+        // An unused name is always found, since the disk is full long before the numbers are used up.
         let name = (1..=u32::MAX).map(|number| format!("{NAME}{number}")).find(is_free).unwrap_or_default();
         let moving = run.join(format!("{name}{MOVING}"));
         file::make_folder(&moving)?;

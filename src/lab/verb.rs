@@ -111,7 +111,7 @@ pub trait Answer {
         Content::default()
     }
 
-    /// Findings about the answer. They state whether it is good enough, and which quantities could not be measured.
+    /// Findings about the answer. They state whether the answer is good enough, and which quantities could not be measured.
     fn findings(&self) -> Vec<Finding> {
         Vec::new()
     }
