@@ -114,8 +114,8 @@ impl Finding {
             .measured(value, error, bound)
     }
 
-    /// A finding about a share of the light with its standard error, judged like [`Self::at_most`]. The first sentence explains a share
-    /// that passes, the second a share that fails.
+    /// A finding about a share of the light. The share and its standard error are judged like [`Self::at_most`]. The text `passes` explains
+    /// a share that is within the bound, and `fails` explains a share beyond the bound.
     pub fn judged(
         name: &'static str,
         share: Ratio,
@@ -165,7 +165,7 @@ impl Finding {
     }
 }
 
-/// One line: `exposure      warning  found; expected: … → what to do`. It ends after `found` if the finding is as expected.
+/// One line: `exposure      warning  found; expected: … → what to do`. It ends after `found` if the grade is [`Grade::Ok`].
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:<13} {:<7}  {}", self.name, self.grade.word(), self.found)?;
@@ -260,16 +260,16 @@ impl Ratio {
     }
 
     /// `numerator / ‖v‖` for a vector `v` of measured values, each given with its variance. The contribution of noise is subtracted from
-    /// `‖v‖²`. The ratio has no value if the remainder is within [`SIGMAS`] standard errors of this sum of squares. Noise alone exceeds
-    /// this threshold in one case of 45 with a single value, of 246 with 64 values, and of 741 with many values, because the sum of few
-    /// squares has a skewed distribution.
+    /// `‖v‖²`. The ratio has no value if the remainder is within [`SIGMAS`] standard errors of this sum of squares. If the values are only
+    /// noise, they exceed this threshold in one case of 45 for a single value, in one of 246 for 64 values, and in one of 741 for many
+    /// values. The chances differ because the sum of few squares has a skewed distribution.
     pub fn to_length(numerator: f64, measured: impl IntoIterator<Item = [f64; 2]>) -> Self {
         let [mut excess, mut spread] = [0.0; 2];
         for [value, variance] in measured {
             excess += value * value - variance;
             spread += 2.0 * variance * variance;
         }
-        // The threshold is the square root of the threshold for the square, whose standard error under noise alone is √spread.
+        // Under noise alone, `excess` has the standard error √spread and the threshold SIGMAS · √spread. `of` compares the roots of both.
         Self::of(numerator, excess.max(0.0).sqrt(), (spread.sqrt() / SIGMAS).sqrt())
     }
 
@@ -305,9 +305,9 @@ impl fmt::Display for Ratio {
     }
 }
 
-/// Formats a number with `decimals` decimals, as in `0.1235`. If fewer than two significant digits or more than nine digits before the
-/// point would result, the text has `decimals` significant digits (at least three) and a power of ten, as in `1.235e-7`. Only zero is shown
-/// as zero.
+/// Formats a number with `decimals` decimals, as in `0.1235`. This text must have two or more significant digits, and at most nine digits
+/// before the point. Otherwise the number has `decimals` significant digits (at least three) and a power of ten, as in `1.235e-7`. Only
+/// zero is shown as zero.
 pub fn decimal(value: f64, decimals: usize) -> String {
     let least = 10_f64.powi(1 - decimals as i32);
     if value == 0.0 || !value.is_finite() || (least..1e9).contains(&value.abs()) {
@@ -428,8 +428,8 @@ mod tests {
             (0..1000).map(measured).filter(|&is_measured| is_measured).count()
         };
         // With noise alone, a sum of 64 squares exceeds 64 + 3 √128 in 4 of 1000 cases (χ²). With light as strong as noise, the sum exceeds
-        // this value in 945 cases; with light 1.5 times as strong, in all but 1e-5 (noncentral χ²). The bounds are four deviations of such
-        // counts.
+        // this value in 945 cases; with light 1.5 times as strong, in all cases except a share of 1e-5 (noncentral χ²). The bounds are four
+        // deviations of such counts.
         let [noise, faint, light] = [0.0, 1.0, 1.5].map(found);
         assert!(noise <= 12 && (916..=974).contains(&faint) && light == 1000, "{noise} {faint} {light}");
         let exact = Ratio::to_length(2.0, [[3.0, 0.0], [4.0, 0.0]]);

@@ -1,4 +1,4 @@
-//! The memory and the threads that this machine grants this process.
+//! The memory and the threads that this machine grants to this process.
 
 use std::cell::Cell;
 use std::fs;
@@ -7,7 +7,8 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 use std::thread::{self, JoinHandle};
 
-/// The bytes of memory that this process may use, which a container or `ulimit -v` may limit; 8 GiB if the machine does not state it.
+/// The bytes of memory that this process may use: the machine's memory (8 GiB if it is unknown), or the limit of a container or of
+/// `ulimit -v` if this limit is lower.
 pub(crate) fn memory() -> u64 {
     let of_container = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
     let stated = of_container.iter().filter_map(|path| fs::read_to_string(path).ok()?.trim().parse().ok());
@@ -36,7 +37,8 @@ fn address_space_in(limits: &str) -> Option<u64> {
 const MOST_THREADS: usize = 1024;
 const MOST_OF_CORE: usize = 4;
 
-/// The result of `work`; `None` if `work` panics, which is not printed. `work` must not leave behind half-changed data that is used later.
+/// Returns the result of `work`, or `None` if `work` panics. The panic is not printed. `work` must not leave half-changed data that is used
+/// later.
 pub(crate) fn unless_panics<T>(work: impl FnOnce() -> T) -> Option<T> {
     thread_local!(static IS_SILENT: Cell<bool> = const { Cell::new(false) });
     static HOOK: Once = Once::new();
@@ -62,7 +64,7 @@ pub(crate) fn start_threads() {
     let wanted = wanted(rayon_threads(), cores);
     let started = started(wanted, || thread::Builder::new().spawn(thread::park));
     let builder = match started {
-        // Some threads are left for the graphics driver, and for the thread that waits for Ctrl-C.
+        // If not all threads can start, half of them are left for the graphics driver and for the thread that waits for Ctrl-C.
         all if all == wanted => rayon::ThreadPoolBuilder::new().num_threads(wanted),
         some if some > 3 => rayon::ThreadPoolBuilder::new().num_threads(some / 2),
         _ => rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread(),

@@ -59,7 +59,7 @@ pub enum Estimate<'a> {
     Eigenpairs {
         /// The eigenvalues.
         values: &'a [f64],
-        /// The residual norm `‖A y − θ y‖` of each eigenpair.
+        /// The residual norm `‖A y − θ y‖` of each eigenpair `(θ, y)`.
         residuals: &'a [f64],
     },
     /// The solution of a linear system.
@@ -71,8 +71,8 @@ pub enum Estimate<'a> {
         /// Computes the best iterate so far without a product with `A`. With GMRES, this combines all basis vectors linearly.
         iterate: &'a dyn Fn() -> Vec<f64>,
     },
-    /// The error of a low-rank model: the norm of the part of the last photo that the model of the earlier photos did not predict, relative
-    /// to the strongest photo.
+    /// The error of a low-rank model. The model of the earlier photos does not predict a part of the last photo. The error is the norm of
+    /// this part, divided by the norm of the strongest photo.
     Unpredicted(f64),
 }
 

@@ -1,4 +1,4 @@
-//! Linear operators as the Krylov methods see them: signed real vectors, and a product that may fail.
+//! The interface of linear operators for the Krylov methods. Vectors are real and may have negative entries, and a product may fail.
 
 mod both_ways;
 mod watched;
@@ -78,9 +78,10 @@ pub trait Operator {
         Vec::new()
     }
 
-    /// The number of frames that a camera has taken so far for the rig behind this operator. It counts the frames of all exposures,
-    /// repeated takes, signs and bit planes, the frames of black, white and sentinels, and the frames that came from a journal. The default
-    /// `None` means that products are computed and cost no frames.
+    /// The number of frames that a camera has taken so far for the rig behind this operator. A photo may take several frames: for
+    /// exposures, repetitions, the positive and the negative part of a pattern, and bit planes. Frames of black and white, frames that
+    /// measure the drift of the lamp, and frames that came from a journal count too. The default `None` means that products are computed
+    /// and cost no frames.
     fn frames(&self) -> Option<u64> {
         None
     }
@@ -94,8 +95,8 @@ pub trait Operator {
     }
 
     /// Tells the operator whether the following products only confirm a result. Returns true if products cost nothing, for example with a
-    /// matrix in memory. In that case, products are neither counted nor shown as photos while `on` is set. The default returns false: every
-    /// product is a photo.
+    /// matrix in memory. Such products are neither counted nor shown as photos while `on` is true. The default returns false: every product
+    /// is a photo.
     fn confirming(&mut self, on: bool) -> bool {
         let _ = on;
         false
@@ -140,8 +141,8 @@ pub(crate) fn block_mut(vectors: &mut [Vec<f64>]) -> Vec<&mut [f64]> {
     vectors.iter_mut().map(Vec::as_mut_slice).collect()
 }
 
-/// Forwards methods of [`Operator`] from a wrapper to the operator inside it. An `impl` names the field that holds the inner operator, and
-/// the methods to forward. `apply` stands for the products of [`Operator`], `adjoint` for the products of [`Adjoint`]. The field name
+/// Forwards methods of [`Operator`] from a wrapper to the operator inside it. The arguments are the field that holds the inner operator,
+/// and the methods to forward. `apply` stands for the products of [`Operator`], `adjoint` for the products of [`Adjoint`]. The field name
 /// `deref` stands for the target of a pointer.
 macro_rules! delegate {
     ($field:tt: $($method:ident),+ $(,)?) => { $( $crate::operator::delegate!(@$method $field); )+ };
@@ -237,7 +238,7 @@ pub(crate) fn product(operator: &mut dyn Operator, x: &[f64]) -> Result<Vec<f64>
     Ok(y)
 }
 
-/// Applies `before` to each of `xs`, multiplies the results as a block, and lets `after` write each `y` from `x` and the product.
+/// Computes `A before(x)` for each of `xs`, as one block of products. For each `x` and its product, `after` writes `y`.
 pub(crate) fn between(
     operator: &mut dyn Operator,
     (xs, ys): (&[&[f64]], &mut [&mut [f64]]),
@@ -262,8 +263,8 @@ pub(crate) fn check_square(what: &'static str, n: usize, operator: &dyn Operator
 /// The largest number of products requested as one block. It limits the number of vectors in memory.
 const LARGEST_BLOCK: usize = 8;
 
-/// Multiplies each of `xs` (`cols` entries each) in blocks of [`Operator::block_size`], and calls `with` for each vector and its product,
-/// in order.
+/// Multiplies each of `xs` (`cols` entries each) by `operator`, in blocks of [`Operator::block_size`]. Calls `with` for each vector and its
+/// product, in order.
 ///
 /// # Errors
 /// The first error of a product or of `with`. No further block of products is then taken.

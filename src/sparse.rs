@@ -20,7 +20,7 @@ pub struct Csr {
 }
 
 impl Csr {
-    /// Makes the matrix of these three arrays, with `cols` columns and `row_start.len() − 1` rows.
+    /// Makes the matrix with `cols` columns and `row_start.len() − 1` rows from its three arrays.
     ///
     /// # Errors
     /// [`Error::Dimension`] if the arrays do not describe a matrix in compressed sparse rows.
@@ -58,7 +58,7 @@ impl Csr {
         self.cols
     }
 
-    /// The offset of each row, followed by the number of entries.
+    /// The index of each row's first entry, followed by the number of entries.
     pub fn row_start(&self) -> &[usize] {
         &self.row_start
     }

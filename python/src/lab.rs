@@ -28,7 +28,7 @@ pub(crate) struct Lab {
     photos: AtomicUsize,
 }
 
-/// A laboratory that goes out of scope completes the record of its run, as if it were closed.
+/// When Python frees a laboratory, the record of its run is completed, as by closing the laboratory.
 impl Drop for Lab {
     fn drop(&mut self) {
         // An error is ignored, since no caller is left. Another thread that works with an operator may need the interpreter's lock.
@@ -41,7 +41,7 @@ impl Lab {
         Self { lab: Held::new(lab), photos: AtomicUsize::new(0) }
     }
 
-    /// Lets `work` use the laboratory, without the interpreter's lock. Only one thread uses it at a time.
+    /// Calls `work` with the laboratory, without the interpreter's lock. Only one thread uses the laboratory at a time.
     pub(crate) fn with<T: Send>(
         &self,
         py: Python<'_>,

@@ -34,7 +34,7 @@ impl Operator {
 
 /// Refuses NaN and infinite entries. The same check in NumPy would take about a hundredth of the time of a product.
 fn check_finite(py: Python<'_>, argument: &str, values: &[f64]) -> PyResult<()> {
-    // The product 0 v is 0 for a finite number, and NaN for any other number. NaN stays in the sum. Eight independent sums are vectorized.
+    // The product 0 v is 0 for a finite number v, and NaN otherwise. A NaN stays in the sum. Eight independent sums can be vectorized.
     let (chunks, rest) = values.as_chunks::<8>();
     let mut sums = [0.0; 8];
     for chunk in chunks {

@@ -53,7 +53,7 @@ pub(crate) fn detached<T: Send>(
 
 type Guarded<T> = (std::thread::Result<krylux::Result<T>>, Option<PyErr>);
 
-/// Runs `body`. If it is a call within another call, from a Python callback, it keeps its exceptions separately.
+/// Runs `body`. A call that a Python callback makes inside another call keeps its exceptions separately.
 fn guarded<T>(body: impl FnOnce() -> krylux::Result<T>) -> Guarded<T> {
     let outer = CAUGHT.with(RefCell::take);
     let done = catch_unwind(AssertUnwindSafe(body));
@@ -90,7 +90,8 @@ fn in_pool<T: Send>(body: impl FnOnce() -> T + Send) -> T {
             Some((_, pool)) => Ok(Arc::clone(pool)),
             None => rayon::ThreadPoolBuilder::new().build().map(|pool| {
                 let pool = Arc::new(pool);
-                // In a child of a child, the earlier pool belongs to the parent, and its threads do not exist here. It must not be joined.
+                // In a child of a child, the earlier pool is the parent's. It must not be dropped: this would wait for threads that do not
+                // exist here.
                 std::mem::forget(known.replace((process, Arc::clone(&pool))));
                 pool
             }),
@@ -128,7 +129,7 @@ impl<T> Held<T> {
         if self.process == std::process::id() { self.lock().take() } else { None }
     }
 
-    /// Lets `work` use the value, without the interpreter's lock.
+    /// Calls `work` with the value, without the interpreter's lock.
     pub(crate) fn with<R: Send>(
         &self,
         py: Python<'_>,

@@ -39,8 +39,8 @@ impl Operator for WithoutDirect<'_> {
 }
 
 /// The operator `K A K`, with a Gaussian blur `K = Kᵀ` of both pattern and photo. It has the symmetry of `A`, which a blur of the photo
-/// alone would break. The blur averages the noise of neighbouring pixels. Light paths shorter than the blur do not count as direct light. A
-/// product is one photo.
+/// alone would break. The blur averages the noise of neighbouring pixels. Indirect light does not count as direct, even if its path is
+/// shorter than the width of the blur. A product is one photo.
 pub struct Blurred<'a> {
     operator: &'a mut dyn Operator,
     blur: Blur,

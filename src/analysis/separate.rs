@@ -2,8 +2,8 @@
 //!
 //! | method | photos | accuracy |
 //! |---|---|---|
-//! | [`checkerboards`] | `shifts²` | exact if global light does not resolve the squares |
-//! | [`sinusoids`] | 3 or more per direction | exact if global light does not resolve the waves |
+//! | [`checkerboards`] | `shifts²` | exact if global light is smooth on the scale of the squares |
+//! | [`sinusoids`] | 3 or more per direction | exact if global light is smooth on the scale of the waves |
 //! | [`codes`] | 4, 8, 16, … | light of near pixels cancels; other global light is in the standard errors |
 //! | [`random_patterns`] | any number | unbiased; the noise falls as `1/√photos` |
 //! | [`from_capture`] | the white photo | approximate, from the photos of a Krylov capture |
@@ -194,9 +194,9 @@ pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) ->
 /// Separates with the photos `W = A Q` of a Krylov process on all light. `Σ_k q_k ∘ W_k` is the diagonal of `A Q Qᵀ`. Divided by the
 /// diagonal of `Q Qᵀ`, it estimates the diagonal of `A`; only the white photo is taken in addition. The method works like
 /// [`random_patterns`] if the patterns differ randomly between neighbouring pixels, so use [`Start::Rademacher`](crate::krylov::Start).
-/// More photos hardly help: at each pixel, all patterns of a process carry the signs of its start, so their errors repeat (in a room with a
-/// mirror ball, the error is a quarter of the light at 4 photos and at 128). If new photos can be taken, use [`random_patterns`]. Fails
-/// with [`Error::Dimension`] if the white photo (`n`) and the model differ in size.
+/// More photos hardly help: at each pixel, all patterns of a process carry the signs of its start, so their errors repeat. In a room with a
+/// mirror ball, the error is a quarter of the light both with 4 and with 128 photos. If new photos can be taken, use [`random_patterns`].
+/// Fails with [`Error::Dimension`] if the white photo (`n`) and the model differ in size.
 pub fn from_capture(model: &LowRank, white: &[f64]) -> Result<Separation> {
     let n = model.cols();
     Error::check_size("pixels of the white photo", n, white.len())?;

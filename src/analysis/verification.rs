@@ -1,9 +1,9 @@
 //! The quality of a result, judged by light that it was not computed from.
 //!
-//! The results for a scene are computed with a matrix from a finite number of light paths. The noise of this matrix is frozen, so an
-//! eigenvector fits the noise as well as the light. The same matrix therefore cannot tell how good the eigenvector is. Light paths of
-//! another seed can ([`Retraced::estimated_products`](crate::transport::Retraced::estimated_products)). On a rig, a photo that was not used
-//! for the result can.
+//! The results for a scene are computed with a matrix from a finite number of light paths. The noise of this matrix is frozen (equal in all
+//! products), so an eigenvector fits the noise as well as the light. The same matrix therefore cannot tell how good the eigenvector is.
+//! Light paths of another seed can tell it ([`Retraced::estimated_products`](crate::transport::Retraced::estimated_products)). On a rig, a
+//! photo that was not used for the result can tell it.
 
 use crate::krylov::{Eigs, temple_kato};
 use crate::transport::{EstimatedProduct, Squares};
@@ -27,8 +27,8 @@ pub struct Predicted {
 impl Predicted {
     /// The norm of the errors that the prediction may have in addition to noise.
     ///
-    /// If a result fits the noise of its matrix, and `ε` is the relative size of this noise, the result has more noise than another vector
-    /// by about `ε²`. Twice this excess is allowed. With 24×24 pixels and 64 light paths, this covers vectors of `ε = 0.3`.
+    /// A result that fits the noise of its matrix has more noise than another vector. The excess is about `ε²`, where `ε` is the relative
+    /// size of the noise. Twice this excess is allowed. With 24×24 pixels and 64 light paths, this covers vectors of `ε = 0.3`.
     pub fn allowed(&self) -> f64 {
         let size = (self.squares.product - self.squares.noise).max(f64::MIN_POSITIVE).sqrt();
         let fitted = if self.is_frozen { 2.0 * self.squares.noise / size } else { 0.0 };
@@ -96,7 +96,7 @@ fn upper_tail(z: f64) -> f64 {
 /// A judgement of the groups of a segmentation by independent light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grouped {
-    /// The share of variance that lies between the groups, for the coordinates that independent light gives the pixels.
+    /// Independent light gives coordinates to the pixels. This is the share of their variance that lies between the groups.
     pub explained: f64,
     /// The largest share, in 999 of 1000 cases, for labels unrelated to the light.
     pub by_chance: f64,
@@ -189,9 +189,9 @@ impl EigenpairEstimate {
     }
 }
 
-/// The share of half the difference `θ − q` that counts as an error of the mean of `θ` and `q`. It applies if eigenvalues are nearer to
-/// each other than this half difference, because errors of second order then do not cancel. The share was chosen on the scenes zigzag and
-/// cornell; `cargo bench --bench stated_errors` tests it on other scenes.
+/// If eigenvalues are nearer to each other than half the difference `θ − q`, errors of second order do not cancel in the mean of `θ` and
+/// `q`. This share of the half difference then counts as an error of the mean. The share was chosen on the scenes zigzag and cornell;
+/// `cargo bench --bench stated_errors` tests it on other scenes.
 const NOT_CANCELLED: f64 = 2.0 / 3.0;
 
 /// The eigenpairs of the scene, from the eigenpairs of a symmetric matrix and one independent product per eigenvector. `None` if pairs are
@@ -333,8 +333,8 @@ mod tests {
             let right: Vec<Option<usize>> = truth.iter().copied().map(Some).collect();
             let shuffled: Vec<Option<usize>> = (0..600).map(|_| Some(random.random_range(0..3))).collect();
             let of_right = Grouped::new(&right, &weights, &claimed, &seen);
-            // Half a unit of noise moves a pixel to a neighbouring group in a third of all cases, and in a sixth in the first and the last
-            // group.
+            // Half a unit of noise moves a third of the middle group's pixels to another group, and a sixth of the pixels of the first and
+            // the last group.
             assert!((0.7..0.85).contains(&of_right.agreement), "{of_right:?}");
             refuted[0] += usize::from(of_right.is_refuted());
             refuted[1] += usize::from(Grouped::new(&shuffled, &weights, &claimed, &seen).is_refuted());

@@ -1,4 +1,4 @@
-//! Checks of the content of a cached file. A correct checksum shows only that the writer could calculate one.
+//! Checks of the content of a cached file. A correct checksum is not enough, because anyone who writes a file can calculate its checksum.
 
 use super::file::{Arrays, Record, Rows};
 use crate::transport::{Bounces, Channels, RigShape};

@@ -59,10 +59,10 @@ pub(super) struct Arrays<L = Rows> {
 
 /// A layer whose arrays are produced in pieces while they are written.
 pub(super) trait InPieces {
-    /// For each row, the offset of its entries; and the number of entries at the end.
+    /// The offset of the entries of each row. The last element is the number of entries.
     fn starts(&self) -> Vec<u64>;
 
-    /// The number of columns and the number of weights. In a matrix, they are equal.
+    /// The lengths of the arrays of columns and of weights. In a valid layer, they are equal.
     fn counts(&self) -> [usize; 2];
 
     fn columns<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<u32>> + 'a>;
@@ -70,7 +70,7 @@ pub(super) trait InPieces {
     fn weights<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<f32>> + 'a>;
 }
 
-/// The checksum of a record and its arrays. It is updated in the order of the fields while they are read or written.
+/// The checksum of a record and its arrays. It is updated with each field while the fields are read or written in order.
 struct Checksum(blake3::Hasher);
 
 impl Checksum {
@@ -264,7 +264,8 @@ pub(super) fn label(path: &Path) -> Option<String> {
 
 type Archive = ZipArchive<BufReader<File>>;
 
-/// Reads a matrix from the open files of its channels. The paths are for messages. The error text says what is wrong with the files.
+/// Reads a matrix from the open files of its channels. The paths are used only in messages. The error text says what is wrong with the
+/// files.
 pub(super) fn read(key: &Key, files: Vec<(PathBuf, File)>) -> Result<Assembled, String> {
     let count = files.len();
     let channels = files.into_iter().enumerate().map(|(channel, (path, file))| {

@@ -1,6 +1,6 @@
 //! Compiled kernels in the cache, one file per adapter and driver version.
 //!
-//! A driver trusts compiled kernels. A file is used only if the running user owns it, nobody else may write it, and its checksum is
+//! A driver trusts compiled kernels, so a file is used only if the running user owns it, nobody else may write it, and its checksum is
 //! correct.
 
 use std::fs;
@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::gpu::AdapterSummary;
 use crate::{file, io};
 
-/// The maximum size in bytes of a file that is read. The kernels of a scene take far less than a hundredth of it.
+/// The maximum size in bytes of a file that is read. The kernels of a scene take far less than a hundredth of this size.
 const MOST: u64 = 64 << 20;
 
 const PREFIX: &str = "kernels-";

@@ -1,4 +1,4 @@
-//! The cache of traced matrices on disk. With it, later runs on the same scene need not trace the scene again.
+//! The cache of traced matrices on disk. With the cache, later runs with the same scene and settings need not trace again.
 //!
 //! A matrix is found by its [`Key`], a hash of everything on which it depends. The cache has one file for each channel of a matrix. The
 //! file is a ZIP archive that `scipy.sparse.load_npz` opens, with additional members (see `file`). Files are written atomically, so several
@@ -28,8 +28,8 @@ use crate::scene::Scene;
 use crate::transport::{Assembled, Channels, RigShape};
 
 /// The version of everything that affects a matrix, but is not hashed in the key. It must be increased if equal paths give another matrix,
-/// if the file format changes, or if the host prepares a scene differently for the tracer (the pairing of triangles affects the last bits).
-/// Changed shaders need no new version, because the key hashes their sources.
+/// if the file format changes, or if the host prepares a scene differently for the tracer. Even the pairing of triangles affects the last
+/// bits of a matrix. Changed shaders need no new version, because the key hashes their sources.
 const OPERATOR_VERSION: u32 = 4;
 
 const HEX_DIGITS: usize = 32;
@@ -219,7 +219,8 @@ impl Cache {
             }
             remove(&entry.files)?;
             held -= entry.bytes;
-            // The new matrix is sorted last. If even it is removed, it alone exceeds the limit, because of the headers of its archive.
+            // The new matrix is sorted last. If even this matrix is removed, it alone exceeds the limit, because of the headers of its
+            // archive.
             if entry.key == key.hex() {
                 return Ok(false);
             }

@@ -86,7 +86,7 @@ pub fn write_shard(path: &Path, origin: &ShardOrigin, shard: &Shard) -> Result<u
     Ok(bytes)
 }
 
-/// The file of a shard, of which only the head has been read.
+/// The file of a shard whose head has been read, but not its contributions.
 #[derive(Debug)]
 pub struct ShardFile {
     path: PathBuf,
@@ -97,7 +97,8 @@ pub struct ShardFile {
 }
 
 impl ShardFile {
-    /// Whether a file begins like the file of a shard. An empty file does. A file that cannot be read gives [`Error::Read`].
+    /// Whether a file begins like the file of a shard. This is also true of an empty file. A file that cannot be read gives
+    /// [`Error::Read`].
     pub fn is_begun(path: &Path) -> Result<bool> {
         let mut begin = Vec::new();
         let file = file::open(path)?;
@@ -172,7 +173,7 @@ fn require_format(path: &Path, line: &[u8]) -> Result<()> {
             format!("it is a shard of format {}, and this program reads format {FORMAT}", format.trim()),
         )
         .help("use the version of krylux that wrote it")),
-        // An empty file also counts as a file that ends early.
+        // A file that ends within this line ends early, even if it is empty.
         _ if format!("{NAME}{FORMAT}\n").as_bytes().starts_with(line) => {
             Err(damaged(path, "it ends early", None))
         }
@@ -181,7 +182,7 @@ fn require_format(path: &Path, line: &[u8]) -> Result<()> {
     }
 }
 
-/// The error for an incomplete file. `of` has the number of the shard's part and the number of parts, if the head could be read.
+/// The error for an incomplete file. `of` gives the number of the shard's part and the number of parts, if the head could be read.
 fn damaged(path: &Path, why: &str, of: Option<(usize, usize)>) -> Error {
     let (part, parts) = of.map_or(("K".into(), "N".into()), |(k, n)| (k.to_string(), n.to_string()));
     Error::data(path, format!("the shard is cut short or damaged ({why})"))

@@ -1,4 +1,4 @@
-//! A declared verb on the command line: its request with the options that all such verbs have, from the source to the end of the run.
+//! The declared verbs on the command line. Their options are those of the request, and the options that all of these verbs share.
 
 use clap::builder::{Resettable, StyledStr};
 use clap::error::ErrorKind;
@@ -89,7 +89,7 @@ fn command_of(verb: &Declared) -> Command {
     described_as(&declared, After::augment_args(command))
 }
 
-/// Groups of options bring their own comments. Those of the request are the verb's.
+/// Gives the command the help texts of the request. Each added group of options has replaced them by its own texts.
 fn described_as(request: &Command, command: Command) -> Command {
     let text = |text: Option<&StyledStr>| Resettable::from(text.cloned());
     command
@@ -99,14 +99,14 @@ fn described_as(request: &Command, command: Command) -> Command {
 }
 
 impl AskedVerb {
-    /// Opens the source, asks, and writes the answer in a run of its own.
+    /// Opens the source, makes the request, and writes the answer in a new run.
     pub(super) fn run(&self, console: &Console) -> Result<Outcome> {
         let Self { before, request, after, .. } = self;
         if let (true, Some(fault)) = (after.run.resume, request.not_resumed()) {
             let help = format!("{} anew, with --overwrite or into another folder", self.name);
             return Err(Error::option("--resume", fault).help(help));
         }
-        // Wrong options should show before anything is written or traced.
+        // Wrong options are reported before anything is written or traced.
         request.check()?;
         let channels = request.channels(&before.source.source)?;
         let opening = Opening {
@@ -128,13 +128,13 @@ impl AskedVerb {
         content.lines.iter().try_for_each(|line| console.say(line))?;
         content.notes.iter().for_each(|note| console.note(note));
         let (summary, kept) = (json!(content), Kept::of(&*answer, &content));
-        // Writing makes the arrays anew: two copies of all eigenvectors at once would take twice the memory.
+        // When the answer is written, its arrays are made again. Two copies of all eigenvectors would take twice the memory.
         drop(content);
         self.finish(lab, &*answer, (summary, kept), console)
     }
 
-    /// Writes an answer into the folder of the open run, says where, and prints the summary. `kept` is what the painting page shows
-    /// without asking.
+    /// Writes an answer into the folder of the open run, and prints the path of the report and the summary. `kept` contains the answers
+    /// that the painting page shows without a request.
     fn finish(
         &self,
         lab: &mut Lab,
@@ -182,7 +182,7 @@ impl AskedVerb {
     }
 }
 
-/// The command line of another verb: its request between the options that it shares with others.
+/// The command line of a verb that is not in the list. The options of its request are between two groups of options.
 pub(super) struct Asked<V, B, A> {
     pub(super) before: B,
     pub(super) request: V,

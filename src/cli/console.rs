@@ -21,7 +21,7 @@ pub(super) struct Console {
     verbose: bool,
     allows_programs: bool,
     interrupted: Arc<AtomicBool>,
-    /// Whether any work has checked so far whether it must stop.
+    /// Whether any work has checked yet if it must stop.
     asked: Arc<AtomicBool>,
     progress: Arc<Mutex<Progress>>,
     /// The processes that help this process.
@@ -30,7 +30,7 @@ pub(super) struct Console {
 
 impl Console {
     /// Handles Ctrl-C from now on. The first Ctrl-C asks the running work to stop, and the second ends the program. If no work has checked
-    /// so far whether it must stop, for example while files are read, the first Ctrl-C ends the program.
+    /// yet if it must stop, for example while files are read, the first Ctrl-C ends the program.
     pub(super) fn new(args: &GlobalArgs, team: Option<Arc<Team>>) -> Self {
         let interrupted = Arc::new(AtomicBool::new(false));
         let asked = Arc::new(AtomicBool::new(false));

@@ -73,12 +73,12 @@ enum Verb {
     DescribeCamera(rig::DescribeCamera),
 }
 
-/// The command line as clap describes it: what the guide's reference is made from.
+/// The command line as clap describes it. The reference in the guide is generated from it.
 pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// How a verb ended when it ended well.
+/// The outcome of a verb that ended without an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
     Done,
@@ -86,13 +86,13 @@ enum Outcome {
 }
 
 impl Outcome {
-    /// The outcome that findings give: a verb is done where none of them fails.
+    /// The outcome for these findings. It is good enough if no finding fails.
     fn of(findings: &[Finding]) -> Self {
         if worst(findings) == Grade::Fails { Self::NotGoodEnough } else { Self::Done }
     }
 }
 
-/// Parses the command line, runs the verb, and reports: the program's `main`.
+/// The `main` of the program: parses the command line, runs the verb, and reports the outcome.
 pub fn main() -> ExitCode {
     let team = match team::join() {
         Ok(team::Role::Leader(team)) => team,
@@ -129,7 +129,7 @@ pub fn main() -> ExitCode {
         Verb::DescribeCamera(args) => args.run(&console),
     };
     if let Some(team) = team {
-        // Values that are never dropped may still refer to the team, and MPI reports a process that does not close it as failed.
+        // The team is ended explicitly, since values that are never dropped may refer to it. MPI would otherwise report a failed process.
         team.end();
     }
     match outcome {
@@ -155,11 +155,11 @@ mod tests {
         super::command().debug_assert();
     }
 
-    /// The parser of every option of a command and its subcommands whose value has one of these types.
+    /// The options of a command and its subcommands whose values have one of these types, each with its parser.
     fn options(command: &Command, types: &[TypeId]) -> Vec<(String, ValueParser)> {
         let of = |argument: &Arg| {
             let parser = argument.get_value_parser().clone();
-            // Memory and files may have more bytes than there are photos or pixels.
+            // Options for bytes are skipped. They accept larger numbers than options for photos or pixels.
             let is_bytes = argument.get_value_names().is_some_and(|names| names[0] == "BYTES");
             let is_one = !is_bytes && types.iter().any(|of| parser.type_id() == *of);
             is_one.then(|| (format!("{} {argument}", command.get_name()), parser))
@@ -189,14 +189,14 @@ mod tests {
         own.chain(command.get_subcommands().flat_map(names)).collect()
     }
 
-    /// The sources below a folder.
+    /// The source files below a folder.
     fn sources(folder: &Path) -> Vec<PathBuf> {
         let entries = std::fs::read_dir(folder).expect("sources can be read");
         let paths = entries.map(|entry| entry.expect("an entry").path());
         paths.flat_map(|path| if path.is_dir() { sources(&path) } else { vec![path] }).collect()
     }
 
-    /// The examples that each verb shows, by its name; a verb that only has verbs shows theirs.
+    /// The examples in the help of each verb, by its name. A verb that has only subcommands is replaced by these.
     fn examples(command: &Command, name: &str) -> Vec<(String, Vec<String>)> {
         let verbs = command.get_subcommands().filter(|verb| !verb.is_hide_set() && verb.get_name() != "help");
         let verbs: Vec<_> =
@@ -235,7 +235,7 @@ mod tests {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
         let mut found = 0;
         for path in sources(&root) {
-            // These are options of the program gphoto2.
+            // The options in these files are options of the program gphoto2.
             if path.starts_with(root.join("rig/gphoto2")) || path == root.join("rig/gphoto2.rs") {
                 continue;
             }
@@ -286,7 +286,7 @@ mod tests {
 
     #[test]
     fn devices_name_no_options_of_verbs_for_runs() {
-        // Not every verb that uses devices can go on with a run.
+        // Some verbs that use devices have no `--resume`, so messages of devices must not name it.
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/rig");
         for path in sources(&root) {
             let text = std::fs::read_to_string(&path).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! From the options of a verb to an open laboratory, and from its answer to the end of the run.
+//! Opens a laboratory from the options of a verb, and ends the run once the verb has its answer.
 
 use std::path::Path;
 
@@ -24,7 +24,7 @@ pub(super) struct Opening<'a> {
 }
 
 impl<'a> Opening<'a> {
-    /// A source in one gray channel.
+    /// The options for a source with one gray channel.
     pub(super) fn new(source: &'a SourceArgs, trace: &'a TraceArgs) -> Self {
         Self {
             source: &source.source,
@@ -36,12 +36,12 @@ impl<'a> Opening<'a> {
         }
     }
 
-    /// How the photos of a scene are computed.
+    /// Sets how the photos of a scene are computed.
     pub(super) fn operator(self, operator: &'a OperatorArgs) -> Self {
         Self { operator: Some(operator), ..self }
     }
 
-    /// Gray or coloured photos.
+    /// Sets gray or coloured photos.
     pub(super) fn channels(self, channels: impl Into<ChannelChoice>) -> Self {
         Self { channels: channels.into(), ..self }
     }
@@ -60,7 +60,7 @@ impl<'a> Opening<'a> {
         }
     }
 
-    /// The builder, watched by the console.
+    /// The builder of the laboratory, with the console as observer.
     pub(super) fn builder(&self, console: &Console) -> LabBuilder {
         let observer = SharedObserver(std::sync::Arc::new(console.clone()));
         let builder = Lab::builder(self.source).settings(self.settings(console)).observer(observer);
@@ -72,7 +72,7 @@ impl<'a> Opening<'a> {
         self.builder(console).open()
     }
 
-    /// Opens the source, whose photos are shown where the user wants to see them.
+    /// Opens the source. If `live` names an image viewer, the viewer shows the photos.
     pub(super) fn open_shown(&self, live: &LiveArgs, console: &Console) -> Result<Lab> {
         let lab = self.open(console)?;
         live.show(&lab, console);
@@ -86,7 +86,7 @@ impl From<&RunArgs> for RunOptions {
     }
 }
 
-/// Runs `work` in its own run: the folder is there before the first photo. An error ends the run and stands in its record.
+/// Runs `work` in a new run, whose folder exists before the first photo. An error ends the run and is written into its record.
 pub(super) fn in_run<T>(
     lab: &mut Lab,
     run: &RunArgs,
@@ -102,7 +102,7 @@ pub(super) fn in_run<T>(
     }
     lab.begin_run(verb, &run.into())?;
     let mut outcome = work(lab);
-    // Devices do not know whether there is a run to go on with.
+    // The devices do not know whether the verb has `--resume`, so their messages get this help here.
     if let (Err(Error::Rig { help, .. }), true) = (&mut outcome, lab.keeps_photos()) {
         help.push_str("; go on with --resume: the photos taken so far are kept");
     }
@@ -112,7 +112,7 @@ pub(super) fn in_run<T>(
     outcome
 }
 
-/// As [`in_run`], for verbs that leave single files: with a run only where `--journal` names its folder, which only a rig has a use for.
+/// As [`in_run`], for verbs that write single files. There is a run only if `--journal` names its folder, which only a rig accepts.
 pub(super) fn in_journal<T>(
     lab: &mut Lab,
     keep: &KeepArgs,
@@ -120,7 +120,7 @@ pub(super) fn in_journal<T>(
     work: impl FnOnce(&mut Lab) -> Result<T>,
 ) -> Result<T> {
     match keep.run() {
-        // There is no run to go on with.
+        // There is no run to continue, so a missing photo gets another help.
         None => work(lab).map_err(|error| match error {
             Error::NotTaken { path, fault, .. } => {
                 let help = "give the file of the scene or the rig as SOURCE instead of the run";
@@ -136,7 +136,7 @@ pub(super) fn in_journal<T>(
     }
 }
 
-/// Adds the fields of `more`, which replace those of the same name.
+/// Adds the fields of `more` to `summary`. They replace existing fields of the same names.
 pub(super) fn merge(summary: &mut Value, more: Value) {
     if let (Some(fields), Value::Object(more)) = (summary.as_object_mut(), more) {
         fields.extend(more);
@@ -153,13 +153,13 @@ pub(super) struct Traced {
 }
 
 impl Traced {
-    /// How the source is opened.
+    /// The options that open the source.
     pub(super) fn opening(&self) -> Opening<'_> {
         Opening::new(&self.source, &self.trace)
     }
 }
 
-/// Says what an answer without a folder contains, and prints the summary.
+/// Prints the lines of an answer without a folder, its notes, and the summary.
 pub(super) fn tell(verb: &str, content: &Content<'_>, is_good: bool, console: &Console) -> Result<Outcome> {
     content.lines.iter().try_for_each(|line| console.say(line))?;
     content.notes.iter().for_each(|note| console.note(note));

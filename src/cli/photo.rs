@@ -54,7 +54,7 @@ pub(super) fn labels(args: &Asked<WriteLabels, SourceArgs, ()>, console: &Consol
     tell("labels", &WriteLabels::ask(&lab, &files)?, true, console)
 }
 
-/// The files that `-o` names, or else a picture that is free.
+/// The files that `-o` names, or else an unused name for a `.png` file.
 fn named_or_free(files: &[PathBuf], name: &str) -> Vec<PathBuf> {
     if files.is_empty() { vec![free_file(name, "png")] } else { files.to_vec() }
 }

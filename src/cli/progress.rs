@@ -59,7 +59,7 @@ impl Progress {
             "loading" | "tracing" | "trials" => {
                 let quiet = self.quiet;
                 let bar = self.steps.get_or_insert_with(|| Bar::new(quiet, step.stage, STEPS));
-                // Only the console checks for Ctrl-C. While a scene is loaded, it must not record this check.
+                // The bar does not check for Ctrl-C. The console checks, but must not record its check while a scene is loaded.
                 bar.show(step.done, step.total);
                 if step.done == step.total {
                     self.steps = None;
@@ -119,8 +119,9 @@ struct PhotoLine {
     start: Instant,
     /// The time of the last line.
     last: Instant,
-    /// The number of photos of earlier stages, which took a different time each, and the largest number of photos of all stages.
+    /// The number of photos of earlier stages. The written lines omit them, since each of them took a different time.
     before: u64,
+    /// The largest number of photos of all stages together.
     total: u64,
 }
 

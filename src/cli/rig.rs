@@ -173,7 +173,7 @@ fn preview(args: &Asked<PreviewCamera, RigArgs, LiveArgs>, console: &Console) ->
         last = figures;
         ended
     });
-    // At this point the devices are already released. Only then is anything else printed.
+    // The devices are already released here, before anything else is printed.
     require_unless_stopped(ended)?;
     let figures: FrameFigures = last.ok_or(Error::Interrupted)?;
     let mut content = Content::default();
@@ -183,7 +183,8 @@ fn preview(args: &Asked<PreviewCamera, RigArgs, LiveArgs>, console: &Console) ->
     tell("rig preview", &content, true, console)
 }
 
-/// Takes `frames` frames, or for 0 any number until Ctrl-C. A terminal rewrites the line of figures. Elsewhere, each second has a new line.
+/// Takes `frames` frames, or for 0 any number until Ctrl-C. A terminal rewrites the line of figures. Elsewhere, a new line is written each
+/// second.
 fn watch(
     frames: u64,
     preview: &mut LivePreview,

@@ -55,7 +55,7 @@ fn write_steps(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Resul
     }
 }
 
-/// What a write replaces or writes to.
+/// The file that a write replaces, or the stream that it writes to.
 enum Target {
     /// A regular file, or a file that does not exist yet. Links of the user are resolved in the path.
     File(Spot, PathBuf),
@@ -165,7 +165,7 @@ fn is_left_over(name: &str, path: &Path) -> bool {
     about.modified().is_ok_and(|when| when.elapsed().is_ok_and(|age| age > FOREIGN_AGE))
 }
 
-/// The process and the system in the name of a temporary file, `.NAME.PID-SYSTEM-RANDOM.tmp`; `None` for other files.
+/// The process and the system in the name of a temporary file, `.NAME.PID-SYSTEM-NUMBER.tmp`; `None` for other files.
 fn writer_in(name: &str) -> Option<(u32, &str)> {
     let (_, writer) = name.strip_prefix('.')?.strip_suffix(SUFFIX)?.rsplit_once('.')?;
     let mut parts = writer.split('-');

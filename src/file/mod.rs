@@ -115,7 +115,8 @@ pub(crate) fn stranger(about: &fs::Metadata) -> Option<String> {
     }
 }
 
-/// Works like [`stranger`], for a user, an owner and a mode. A folder's sticky bit gives no protection: it lets others add files.
+/// Works like [`stranger`], for a user, an owner and a mode. A folder's sticky bit is ignored, since it does not prevent others from adding
+/// files.
 #[cfg(unix)]
 fn stranger_of(user: u32, (owner, mode): (u32, u32)) -> Option<String> {
     if owner != user && owner != 0 {

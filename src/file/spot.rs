@@ -67,7 +67,7 @@ impl FileKind {
 pub(super) const LINK: &str =
     "a link, and no link is followed in the folder of a run or of the cache; remove it";
 
-/// A file as a name in an open folder, or as a path that the user named.
+/// The place of a file: a name in an open folder, or a path that the user gave.
 pub(super) struct Spot {
     folder: system::Folder,
     name: PathBuf,
@@ -140,7 +140,7 @@ pub(super) fn make_folder(path: &Path) -> io::Result<()> {
     parts.iter().try_fold(system::Folder::open(&top)?, make).map(drop)
 }
 
-/// The top folder above a path, and the parts of the path below it. A path with `..` counts as a path of the user, outside of all tops.
+/// The top folder above a path, and the parts of the path below it. A path with `..` counts as a path outside of all top folders.
 fn below_top(path: &Path) -> io::Result<Option<(PathBuf, Vec<PathBuf>)>> {
     let path = absolute(path)?;
     let tops = TOPS.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,6 +1,6 @@
 //! Opens folders, and files in them, on each operating system.
 
-/// For Linux and macOS. Files are opened relative to the descriptor of their folder, and the folder was reached without following a link.
+/// The code for Linux and macOS. Files are opened relative to the descriptor of their folder. No link is followed on the way to the folder.
 #[cfg(unix)]
 pub(super) mod unix {
     use std::fs::File;
@@ -81,8 +81,8 @@ pub(super) mod unix {
     }
 }
 
-/// For Windows and other systems. Every part of a path is checked before it is used. If another program puts a link there after the check,
-/// Windows opens the link itself, and it is refused.
+/// The code for Windows and other systems. Every part of a path is checked before it is used. If another program puts a link there after
+/// the check, Windows opens the link itself, which is then refused.
 #[cfg(any(not(unix), test))]
 pub(super) mod any_system {
     use std::fs::{self, File, OpenOptions};

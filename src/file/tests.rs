@@ -145,7 +145,7 @@ proptest! {
         for access in [Access::Read, Access::Change, Access::Make, Access::New] {
             let trees = [Tree::new(&things)?, Tree::new(&things)?];
             let found = [decide!(unix, trees[0], access), decide!(any_system, trees[1], access)];
-            // The two may differ only if the last part is a link: one of them opens the link, and then refuses it because it is a link.
+            // The results may differ only if the last part is a link: one of the two opens the link, and then refuses it as a link.
             if !matches!(found[0], Ok((Ok(FileKind::Link), _))) {
                 prop_assert_eq!(&found[0], &found[1], "{:?}", trees[0].place(place));
             }

@@ -45,7 +45,7 @@ impl Format {
         } else if bytes.starts_with(b"GIF8") {
             Some(Self::Other(ImageFormat::Gif))
         } else if bytes.starts_with(b"BM") && bytes.get(6..10) == Some(&[0; 4]) {
-            // The two letters alone are not sufficient, so the four reserved bytes must also be zero.
+            // The letters `BM` alone are not sufficient, so the four reserved bytes must also be zero.
             Some(Self::Other(ImageFormat::Bmp))
         } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
             Some(Self::Other(ImageFormat::WebP))

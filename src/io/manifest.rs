@@ -128,7 +128,7 @@ pub struct Noise {
 pub struct Verification {
     /// The kind of the independent light.
     pub by: Independent,
-    /// What the results predict, such as `photos of the eigenvectors`.
+    /// The light that the results predict, such as `photos of the eigenvectors`.
     pub of: String,
     /// The relative difference between predicted and independent photos, without the noise of the independent photos.
     pub error: f64,
@@ -137,8 +137,8 @@ pub struct Verification {
     /// The verdict on the results. Early records do not have it.
     #[serde(default)]
     pub verdict: CheckVerdict,
-    /// The excess of the difference over the difference that is explained by the noise of both photos and by the stated residuals, in
-    /// standard errors of the difference. For several photos, it is the largest excess.
+    /// The part of the difference that the noise of both photos and the stated residuals do not explain, in standard errors of the
+    /// difference. For several photos, it is the largest such part.
     #[serde(default)]
     pub statistic: f64,
     /// The probability of such a statistic if the results are right.
@@ -158,7 +158,7 @@ pub struct Verification {
 pub enum CheckVerdict {
     /// The results agree with the independent light within the stated noise, and the comparison would have detected wrong results.
     Passed,
-    /// If the results were right, such a difference would have a probability of less than 0.001.
+    /// The results are wrong. If they were right, such a difference would have a probability of less than 0.001.
     Refuted,
     /// The noise of the comparison is too large to show whether the results are right.
     #[default]

@@ -4,12 +4,12 @@
 //! |---|---|
 //! | `model.json` | the format's version, the sizes, the source, and the BLAKE3 digest of every file |
 //! | `patterns-C.npy` | `Q` of channel `C`: `k×H×W` of the projector's pixels, `f64` |
-//! | `photos-C.npy` | `W = G Q`: `k×H×W` of the camera's pixels, `f64` |
+//! | `photos-C.npy` | `W = G Q`, where `G` is `A` without direct light: `k×H×W` of the camera's pixels, `f64` |
 //! | `direct-C.npy` or `.npz` | the direct light: an image `H×W`, or a sparse matrix if it is not diagonal |
 //! | `ambient.npy` | the photo without the projector |
 //!
-//! NumPy and SciPy read all of these files. With the direct light `d`, `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`. The
-//! last term is present only in symmetric models.
+//! NumPy and SciPy read all of these files. With the direct light `d`, the photo of a pattern `x` is
+//! `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`. The last term is present only in symmetric models.
 //!
 //! When a file is read, it is checked against its digest in the record. The record also has a digest of its own.
 //!

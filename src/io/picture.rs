@@ -32,8 +32,8 @@ pub fn read(path: &Path) -> Result<Image> {
     Ok(image)
 }
 
-/// Reads an image of the size `expected`. If a file states another size, it is refused before its pixels are decoded. The message uses
-/// `whose` to say which thing has the expected size.
+/// Reads an image of the size `expected`. If a file states another size, it is refused before its pixels are decoded. In the message,
+/// `whose` names the thing that has the expected size.
 ///
 /// # Errors
 /// The errors of [`read`]; also [`Error::Data`] if the image has another size.

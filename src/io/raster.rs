@@ -102,7 +102,7 @@ impl Raster {
     }
 }
 
-/// The share of samples that are not saturated. The brightest half per cent may saturate, so that highlights do not darken the photo.
+/// The fraction of samples that must not saturate. The brightest half per cent may saturate, so that highlights do not darken the photo.
 const WHITE_PERCENTILE: f64 = 0.995;
 
 /// The factor that maps the 99.5th percentile of the positive, finite samples to white; 1 if there are no such samples. Samples that are

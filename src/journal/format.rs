@@ -18,7 +18,7 @@ pub(super) const MAX_METADATA_BYTES: u32 = 1 << 20;
 /// The kind of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kind {
-    /// A projected pattern. The metadata of its photos contain its key.
+    /// A projected pattern. The metadata of each photo of the pattern contain the pattern's key.
     Pattern,
     /// A photo.
     Photo,
@@ -152,7 +152,7 @@ const MAGIC: [u8; 8] = *b"\x89klxjrn\n";
 const VERSION: u32 = 1;
 /// The number of bytes before the identity.
 const FIXED_BYTES: usize = 48;
-/// The maximum length of the identity. If the length in the first copy is damaged, it bounds the search for the second copy.
+/// The maximum length of the identity. If the stated length in the first copy is damaged, this limit bounds the search for the second copy.
 const MAX_IDENTITY_BYTES: usize = 1 << 16;
 
 #[derive(Debug, PartialEq, Eq)]
@@ -280,8 +280,8 @@ pub(super) fn scan(file: &File, identity_hash: &[u8; 32], start: u64, length: u6
             }
             other => other,
         };
-        // Suppose that bytes were lost inside the preceding record. The next record then starts within what seems to be the payload of the
-        // preceding record, so the search starts at that payload.
+        // Bytes may have been lost inside the preceding record. The next record then starts within the apparent payload of the preceding
+        // record, so the search starts at this payload.
         let before = found.entries.last().filter(|entry| entry.end() == at);
         let from = before.map_or(at + 1, Entry::payload_at);
         match find_record(file, identity_hash, from, at, length)? {

@@ -84,8 +84,8 @@ impl fmt::Debug for Key {
     }
 }
 
-/// An ordered list of named values on which all photos of a journal depend, such as the hashes of rig file and calibration, or of a scene
-/// and the tracer's settings. Two photos have the same source if all values are equal.
+/// An ordered list of named values on which all photos of a journal depend. Examples are the hashes of the rig file and its calibration, or
+/// of the scene and the tracer's settings. Two photos have the same source if all values are equal.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Identity(Vec<(String, String)>);

@@ -220,8 +220,8 @@ pub(super) fn exceeds_rounding(left: f64, size: f64, n: usize) -> bool {
     left > size * f64::EPSILON * (10.0 + (n as f64).sqrt())
 }
 
-/// The largest number of passes. "Twice is enough" (Giraud, Langou, Rozložník and van den Eshof, doi:10.1007/s00211-005-0615-4) if `w` is
-/// not in the span to working precision. A vector in the span shrinks to rounding errors, so its small norm reveals it.
+/// The largest number of passes. Two passes suffice (Giraud, Langou, Rozložník and van den Eshof, doi:10.1007/s00211-005-0615-4) unless `w`
+/// lies in the span to working precision. Such a vector shrinks to rounding errors, and its small norm reveals it.
 pub(super) const PASSES: usize = 3;
 
 pub(super) struct Removed {
@@ -237,9 +237,10 @@ pub(super) struct Removed {
 /// next pass. `p` passes therefore read the basis `p + 1` times instead of `2p` times.
 ///
 /// # Bound
-/// For `m` columns of `n` rows let `γ = (r + 2m + 12) ε/2`, with `r = 128 + n/512`. Inner products are sums over blocks of 512 rows in four
-/// lanes, over the blocks, and over a few remaining rows (a relative error of `(r + 10) ε/2`). A removal rounds `m + 1` times. One pass
-/// leaves `‖Vᵀw‖ ≤ √k γ ‖w_before‖` for `k` columns that are orthonormal to working precision. Another pass is skipped in two cases only:
+/// For `m` columns of `n` rows let `γ = (r + 2m + 12) ε/2`, with `r = 128 + n/512`. Inner products are summed within blocks of 512 rows in
+/// four lanes, then over the blocks, and over a few remaining rows. Their relative error is `(r + 10) ε/2`. A removal rounds `m + 1` times.
+/// One pass leaves `‖Vᵀw‖ ≤ √k γ ‖w_before‖` for `k` columns that are orthonormal to working precision. Another pass is skipped in two
+/// cases only:
 ///
 /// * The remainder `w` has more than `1/√2` of the norm (Daniel, Gragg, Kaufman and Stewart): `‖Vᵀw‖ ≤ √(2k) γ ‖w‖`.
 /// * The inner products with the remainder, which are already known, are at most `8ε ‖w‖`: `‖Vᵀw‖ ≤ (8ε + √k γ) ‖w‖`.

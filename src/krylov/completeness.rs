@@ -70,10 +70,10 @@ impl fmt::Display for Status {
 ///
 /// The noise of the first products may hide an eigenvector along which a random start has only a component of about `1/√n`. All residuals
 /// are then within the noise although one of the largest eigenvalues is missing. Further steps in effect start from the noise, which is a
-/// random direction. Suppose that the missing eigenvalue exceeds the last wanted eigenvalue by the share `ε`. Each step then multiplies the
-/// component along the missing eigenvector by about `exp(2√ε)`, relative to the other components (the growth of Chebyshev polynomials:
-/// Kuczyński and Woźniakowski, doi:10.1137/0613066). For `ε = ¼`, `½ ln n` steps raise the component from `1/√n` to 1. An eigenvalue that
-/// is nearer to the last wanted eigenvalue may still be missed.
+/// random direction. Suppose that the missing eigenvalue exceeds the last wanted eigenvalue by the share `ε` of the spectrum's spread. Each
+/// step then multiplies the component along the missing eigenvector by about `exp(2√ε)`, relative to the other components (the growth of
+/// Chebyshev polynomials: Kuczyński and Woźniakowski, doi:10.1137/0613066). For `ε = ¼`, the component grows from `1/√n` to 1 within
+/// `½ ln n` steps. An eigenvalue that is nearer to the last wanted eigenvalue may still be missed.
 #[derive(Debug)]
 pub(super) struct FurtherSteps {
     steps: usize,
@@ -104,7 +104,7 @@ impl FurtherSteps {
 }
 
 /// The confirmation of a search for eigenvalues. A Gaussian vector, orthogonal to all eigenvectors found, starts another Lanczos process.
-/// If the search missed an eigenvalue beyond the last eigenvalue found, this process finds one too, except with a small chance.
+/// If the search missed eigenvalues beyond the last eigenvalue found, this process finds one of them, except with a small chance.
 ///
 /// Start a Lanczos process of `q` steps in a direction that is uniform on the sphere of `n` dimensions, and let `ξ` be its largest Ritz
 /// value. Then `λ_max ≤ ξ + ε (λ_max − λ_min)`, except with a chance of `1.648 √n e^(−√ε (2q−1))`. By Courant and Fischer, the largest
@@ -152,7 +152,8 @@ impl Confirm {
         }
     }
 
-    /// On a rig, limits the products to two vectors, because the first vector may find an eigenvalue that the search has missed.
+    /// Limits the products, which are photos on a rig, to the steps of two vectors. A second vector is needed if the first vector finds an
+    /// eigenvalue that the search has missed.
     #[must_use]
     pub fn on_rig(self, n: usize) -> Self {
         Self { products: self.products.min(2 * self.steps(n)), ..self }
@@ -201,7 +202,7 @@ pub(super) fn confirming_step(observer: &dyn Observer, done: usize, total: usize
 /// The largest useful share `ε`. Beyond half of the spectrum's spread, a confirmation says nothing.
 pub(super) const MOST: f64 = 0.5;
 
-/// A new pair may take this many times the steps of a confirmation to converge.
+/// A confirmation that finds a new pair may take this many times its planned steps, so that the pair converges.
 const PATIENCE: usize = 10;
 
 /// A search that further processes confirm. Each process runs on the complement of the pairs found so far.
@@ -239,7 +240,7 @@ pub(super) fn confirm_by<S: Confirmable>(
 ) -> Result<(Completeness, bool)> {
     // The claim if all directions are spanned by products with this error.
     let spanned = |error: f64| if error > 0.0 { Completeness::NotExcluded } else { Completeness::Exact };
-    // Each round but the last inserts at least one pair, so the number of rounds is limited by the number of copies.
+    // Each round except the last inserts at least one missed pair. The number of copies of the eigenvalues limits the number of rounds.
     for round in 0..4 * count as u64 + 8 {
         let free = search.free();
         if free == 0 {
@@ -287,7 +288,7 @@ pub(super) fn confirm_by<S: Confirmable>(
 /// the search tolerance times the norm `scale` of the operator, rounding, the norm of the residuals of the pairs found (which bounds their
 /// coupling to the complement), and noise. `m` products whose errors have the norm `e` and are spread evenly over `n` entries change a
 /// value by at most about `2e √(m/n)`. They change the operator that the process sees by about `2e (1 + √(m/n))`. The argument `operator`
-/// is 1 for a change of the operator, and 0 for a change of a value.
+/// is 1 for the bound on the operator's change, and 0 for the bound on a value's change.
 pub(super) fn slack(
     (tolerance, scale): (f64, f64),
     (steps, n): (usize, usize),

@@ -47,7 +47,8 @@ pub struct LowRankOptions {
     pub rank: usize,
     /// The number of vectors beyond the rank in the sketch, `l = k + oversampling`. Default 10.
     pub oversampling: usize,
-    /// `q`, the number of rounds `A Aᵀ` of subspace iteration. More rounds help if singular values decay slowly. Default 0.
+    /// `q`, the number of rounds of subspace iteration. A round multiplies by `A Aᵀ`. More rounds help if singular values decay slowly.
+    /// Default 0.
     pub power: usize,
     /// The number of products for the error estimate, at least 2. Default 4.
     pub probes: usize,
@@ -118,8 +119,8 @@ fn adjoint_products(operator: &mut dyn Adjoint, ys: &[Vec<f64>]) -> Result<Vec<V
     Ok(xs)
 }
 
-/// Factors `Q R = Y`. Returns an orthonormal basis `Q` without dependent vectors, and each vector's coefficients on the basis vectors so
-/// far.
+/// Factors `Y = Q R`, where `Y` holds the vectors. Returns `Q`, to which dependent vectors add nothing, and each vector's coefficients on
+/// the basis vectors so far.
 fn orthonormal(vectors: &[Vec<f64>], rows: usize) -> (Basis, Vec<Vec<f64>>) {
     let mut basis = Basis::new(rows);
     let mut coefficients = Vec::with_capacity(vectors.len());
@@ -161,10 +162,11 @@ pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Re
 
 /// Estimates `tr A` for `A` of `n × n` by Hutch++, from `products ≥ 6` products.
 ///
-/// `Q` is an orthonormal basis of `A S`, from a third of the products, and `tr A = tr QᵀAQ + tr (I − QQᵀ) A (I − QQᵀ)`. Another third gives
-/// the first term exactly. The remaining products give Hutchinson's estimate of the second term, whose standard error is the standard error
-/// of the result. For a positive semidefinite `A` the relative error falls as `1/products`, against `1/√products` for Hutchinson's estimate
-/// alone. The estimate is unbiased for any `A`. Fails with the errors of [`hutchinson`].
+/// A third of the products gives `A S`, where `S` holds vectors of random signs. For an orthonormal basis `Q` of `A S`,
+/// `tr A = tr QᵀAQ + tr (I − QQᵀ) A (I − QQᵀ)`. Another third of the products gives the first term exactly. The remaining products give
+/// Hutchinson's estimate of the second term, whose standard error is the standard error of the result. For a positive semidefinite `A` the
+/// relative error falls as `1/products`, against `1/√products` for Hutchinson's estimate alone. The estimate is unbiased for any `A`. Fails
+/// with the errors of [`hutchinson`].
 ///
 /// References: Meyer, Musco, Musco and Woodruff, *Hutch++: optimal stochastic trace estimation* (2021), doi:10.1137/1.9781611976496.16.
 pub fn hutch_plus_plus(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<Estimate> {
@@ -246,7 +248,7 @@ pub struct RandomizedSvd {
 /// `(A Aᵀ)^q A Ω`, where the columns of `Ω` are `l` vectors of random signs. A small decomposition of `QᵀA` follows.
 ///
 /// If the singular values decay, the expected error is the error of the best rank-`k` approximation times a factor near 1. Otherwise, a
-/// round of subspace iteration (`power`) helps and costs `2 l` products. Each round is orthonormalized.
+/// round of subspace iteration (`power`) helps and costs `2 l` products. The vectors are orthonormalized in each round.
 ///
 /// [`LowRankOptions`] gives the rank `k`, the width `l = k + oversampling` of the sketch, `q` and the number of probes. The function takes
 /// `2 (q + 1) l + probes` products (fewer if the sketch is rank-deficient).
@@ -270,7 +272,7 @@ pub fn randomized_svd(operator: &mut dyn Adjoint, options: &LowRankOptions) -> R
         taken += back.len() + sketch.len();
         basis = orthonormal(&sketch, rows).0;
     }
-    // The rows of B = QᵀA as vectors. With AᵀQ = P R, B = Rᵀ Pᵀ.
+    // These vectors are the rows of B = QᵀA. If AᵀQ = P R, then B = Rᵀ Pᵀ.
     let rows_of_b = adjoint_products(operator, basis.columns())?;
     taken += rows_of_b.len();
     let (co, factor) = orthonormal(&rows_of_b, cols);

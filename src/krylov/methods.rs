@@ -43,9 +43,9 @@ pub struct MethodFacts {
     pub products_per_iteration: usize,
 }
 
-/// Declares one method per line. A line lists the name here and on the command line, the requirements for `Aᵀ` and `A = Aᵀ`, the
-/// constraint, the images and the images per product, and the products before the first iteration and per iteration. It ends with the
-/// function that makes the state of the method from `cols`, `b` and the options.
+/// Declares one method per line. A line lists the name in Rust and on the command line, and whether the method needs `Aᵀ` and `A = Aᵀ`. The
+/// constraint and the numbers of images and products of [`MethodFacts`] follow. The line ends with the function that makes the state of the
+/// method from `cols`, `b` and the options.
 macro_rules! methods {
     ($($method:ident $name:literal [$transpose:literal, $symmetry:literal] $constraint:ident [$images:literal, $more:literal]
         [$start:literal, $products:literal] $new:expr;)*) => {

@@ -18,8 +18,8 @@
 //! [`Solver`]s, which also take steps, solve linear systems, with or without bounds on the solution. [`solve`] runs any [`Method`] of the
 //! table [`METHODS`] with [`SolveOptions`].
 //!
-//! Results are bitwise equal from run to run and for any number of threads, because sums are taken over fixed blocks of rows and added in
-//! the order of the rows.
+//! Results are bitwise equal from run to run and for any number of threads. All sums are taken over fixed blocks of rows, which are added
+//! in the order of the rows.
 //!
 //! The observer of the operator ([`Operator::observer`](crate::operator::Operator::observer)) sees each step, and may stop the method. The
 //! methods follow O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, sections 3 and 4.

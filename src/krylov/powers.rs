@@ -1,4 +1,4 @@
-//! Systems and operators are divided by powers of two, so that no square and no product of a few of their numbers overflows or vanishes.
+//! Systems and operators are divided by powers of two, so that no square and no product of a few of their numbers overflows or underflows.
 //!
 //! Division by a power of two is exact. A result therefore equals, to rounding, the result of the same problem at ordinary size. Numbers of
 //! ordinary size are unchanged.
@@ -12,8 +12,8 @@ use crate::operator::{Adjoint, Operator, delegate};
 /// Numbers from `2^-SAFE` to `2^SAFE` are of ordinary size: a product of ten of them is far from `2^±1022`, the limits of double precision.
 const SAFE: i32 = 96;
 
-/// The exponent of the largest power of two not above a number. It is far below all other exponents for zero, and far above for an
-/// infinity.
+/// The exponent of the largest power of two not above a number. For zero, the result is far below the exponents of all other numbers; for
+/// an infinity, far above.
 pub(super) fn exponent(size: f64) -> i32 {
     match size {
         0.0 => -1_000_000,
@@ -22,7 +22,7 @@ pub(super) fn exponent(size: f64) -> i32 {
     }
 }
 
-/// The exponent of the power of two that divides numbers with this exponent: 0 for numbers of ordinary size, for zero and for infinity.
+/// The `p` for which numbers of this exponent are scaled by `2^-p`. It is 0 for numbers of ordinary size, for zero and for infinity.
 pub(super) fn power(exponent: i32) -> i32 {
     if (SAFE + 1..10_000).contains(&exponent.abs()) { exponent } else { 0 }
 }
@@ -69,13 +69,13 @@ pub(super) fn finite_product(product: &[f64]) -> Result<f64> {
     Err(Error::Numerical("a product with the operator holds a NaN or an infinity".into()))
 }
 
-/// An operator divided by a power of two, which is chosen at the first product that is not zero. If this power is not 1, that product
-/// fails, and the caller converts quantities in the operator's original unit and begins again.
+/// An operator divided by a power of two. The power is chosen at the first product that is not zero. If the power is not 1, this product
+/// fails, and the caller converts all quantities that are in the operator's original unit and begins again.
 pub(super) struct Rescaled<'a, O: ?Sized> {
     operator: &'a mut O,
     power: Option<i32>,
     begins: bool,
-    /// The vectors and products of the first attempt. They need not be taken again.
+    /// The vectors and products of the first attempt. The second attempt reuses these products.
     taken: Vec<[Vec<f64>; 2]>,
 }
 

@@ -94,7 +94,7 @@ const LEAST_SHARE: f64 = 0.1;
 /// ([`Multiscale::scaled_by`]), and `I` otherwise.
 ///
 /// Indirect light adds to the coarse scales of `A`, so gains that *fall* with `l` approximate its inverse. Defocus removes the fine scales
-/// of `A`. Inverting defocus would amplify noise; gains that fall, or a small `g_0`, smooth instead.
+/// of `A`. Inverting defocus would amplify noise; a small `g_0` smooths instead.
 ///
 /// References: The bands form the two-dimensional Haar pyramid: Mallat (1989), doi:10.1109/34.192463.
 #[derive(Clone, Debug, PartialEq)]

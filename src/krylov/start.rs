@@ -17,7 +17,7 @@ pub enum Start {
         seed: u64,
     },
     /// Entries −1 and +1 with equal probability, the same on every machine. As a pattern, this start uses the projector's whole range. It
-    /// is often exactly orthogonal to an eigenvector of a structured matrix, so it suits traces but not the start of a search.
+    /// is often exactly orthogonal to an eigenvector of a structured matrix, so it suits estimates of traces but not the start of a search.
     Rademacher {
         /// The seed of the generator.
         seed: u64,

@@ -1,4 +1,4 @@
-//! Sweeps over a whole basis. A sweep does all its work on a block of rows while the block is in the cache.
+//! Sweeps over a whole basis. A sweep does all its work on one block of rows after the other, while the block is in the cache.
 //!
 //! A basis of fifty vectors of 512×512 pixels takes 100 MiB. Each sweep reads the basis from memory, and this dominates the time. Further
 //! work on a block of rows is almost free.

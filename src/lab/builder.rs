@@ -102,7 +102,7 @@ impl LabBuilder {
         self
     }
 
-    /// The folder for the run. Its journal keeps every photo before the photo is used, and [`Lab::save`] writes into this folder.
+    /// The folder for the run. Every photo is stored in its journal before the photo is used, and [`Lab::save`] writes into this folder.
     #[must_use]
     pub fn folder(mut self, folder: impl Into<PathBuf>) -> Self {
         self.run.get_or_insert_default().folder = Some(folder.into());
@@ -159,7 +159,7 @@ impl LabBuilder {
         Ok(lab)
     }
 
-    /// Opens a rig file without its calibration. The devices are taken as ideal, and can then be calibrated. Fails as [`Lab::open`].
+    /// Opens a rig file without its calibration. The devices are treated as ideal until they are calibrated. Fails as [`Lab::open`].
     pub fn open_uncalibrated_rig(&self) -> Result<RigSource> {
         match &self.origin {
             Origin::File(path) => {

@@ -21,10 +21,10 @@ impl RigSource {
         self.file.calibration.clone().unwrap_or_else(beside)
     }
 
-    /// The folder of a calibration for which no folder is named. The candidates are [`Self::calibration_folder`] and the same name with
-    /// `-2`, `-3`, … The first unused candidate is returned, so that an earlier calibration stays unchanged. If the last used candidate is
-    /// unfinished, it is returned instead, to be resumed or replaced. Otherwise, if `again` is true, the folder in the rig file is
-    /// returned.
+    /// The default folder of a new calibration. The candidates are [`Self::calibration_folder`] and the same name with `-2`, `-3`, … If
+    /// the calibration in the last used candidate is unfinished, this candidate is returned, so that the calibration can be resumed or
+    /// replaced. Otherwise [`Self::calibration_folder`] is returned if `again` is true, and the first unused candidate if not, so that an
+    /// earlier calibration stays unchanged.
     pub fn next_calibration_folder(&self, again: bool) -> PathBuf {
         let named = self.calibration_folder();
         let name = named.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -48,8 +48,8 @@ impl RigSource {
     }
 
     /// Calibrates the devices from captures alone, in a separate run with a journal of all photos. `write` writes the files of the
-    /// calibration. Returns the report, the effort, and the run's folder. Fails as [`calibrate`], as `write`, and for a folder that holds a
-    /// run.
+    /// calibration. Returns the report, the number of photos and the time taken, and the run's folder. Fails as [`calibrate`], as `write`,
+    /// and for a folder that holds a run.
     pub(crate) fn calibrate_in(
         &self,
         run: &RunOptions,

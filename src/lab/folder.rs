@@ -35,7 +35,7 @@ pub struct RunFolder {
     pub manifest: RunManifest,
     /// The folder in which the files of the answer are written ([`RunFolder::answer`]).
     pub(crate) answer: PathBuf,
-    /// Whether the run in the folder answered another question. The files of that answer then stay.
+    /// Whether the folder holds the complete answer of another verb. The files of that answer are kept.
     keeps_answers: bool,
     pub(super) resumes: bool,
     started: Instant,
@@ -47,15 +47,15 @@ pub struct RunFolder {
 enum Start {
     /// An empty folder, or the folder of a run that is continued.
     Fresh,
-    /// The folder of another run. The other run is put back if this run fails without photos.
+    /// The folder of another run, which is restored if this run fails without photos.
     Replaces(Replaced),
-    /// The source of this run, unchanged until there is an answer. Further requests may take `photos_allowed` photos.
+    /// The folder of the source of this run. It is unchanged until there is an answer. `photos_allowed` is the photo budget of the source.
     Beside { photos_allowed: Option<usize> },
 }
 
 impl RunFolder {
-    /// Creates the folder. A run to be resumed is in the named folder, or in `out/NAME`. `source` is the folder of the run that is the
-    /// source of the new run. If both folders are the same, the answers are stored beside the photos of `source`.
+    /// Creates the folder. A run to be resumed is in the named folder, or in `out/NAME`. `source` is the folder of an earlier run, if that
+    /// run is the source of the new run. If the new run has the same folder, its answer is stored beside the photos of `source`.
     ///
     /// # Errors
     /// [`Error::Option`] if the folder holds an active run, a run that must not be overwritten, or another program's files;
@@ -139,8 +139,8 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Writes the files of the answer, whose names `write` returns. The files are moved into the run's folder after all are complete and
-    /// the record lists them. If this program is killed, a later run that replaces this one still finds them in the record.
+    /// Writes the files of the answer. `write` returns their names. The files are moved into the run's folder after all are complete and
+    /// the record lists them. Even if this program is killed in between, a run that replaces this one finds them through the record.
     pub(crate) fn answer(&mut self, write: impl FnOnce(&mut Self) -> Result<Vec<String>>) -> Result<()> {
         file::remove(&self.answer)?;
         file::make_folder(&self.answer)?;
@@ -156,12 +156,12 @@ impl RunFolder {
         if is_beside || self.keeps_answers {
             self.manifest.outputs = before.outputs;
         } else {
-            // The folder's run already answered another question.
+            // The new answer replaces the earlier answer in the folder. Files that only the earlier answer had are removed.
             stale
                 .iter()
                 .filter(|name| is_own_file(name))
                 .try_for_each(|name| file::remove(&self.path.join(name)))?;
-            // While the folder holds a model, it is not empty, and this call fails as intended.
+            // This call removes the model's folder only if it is empty. If it still holds a model, the call fails as intended.
             let _ = std::fs::remove_dir(model::folder(&self.path));
             self.manifest.outputs = written;
         }
@@ -217,7 +217,7 @@ impl Drop for RunFolder {
         if let Start::Replaces(earlier) = &self.start
             && photos_in(&self.path) == 0
         {
-            // An error cannot be returned from here. If the call fails, the next run in this folder finds the replaced runs by the record.
+            // An error cannot be returned from here. If the call fails, the next run in this folder finds the replaced runs in the record.
             let _ = earlier.restore();
         }
     }
@@ -237,7 +237,7 @@ fn make_free(name: &str) -> Result<PathBuf> {
         let made = path.parent().map_or(Ok(()), std::fs::create_dir_all);
         match made.and_then(|()| std::fs::create_dir(&path)) {
             Ok(()) => return Ok(path),
-            // The disk is full long before the numbers are used up.
+            // The addition cannot overflow, since the disk is full long before.
             Err(error) if error.kind() == ErrorKind::AlreadyExists && path.exists() => number += 1,
             Err(error) => return Err(Error::writing(&path)(error)),
         }
@@ -256,11 +256,11 @@ fn holds_run(path: &Path) -> bool {
     path.join(RECORD).exists() || Journal::is_in(&journal_folder(path)) || model::is_in(path)
 }
 
-/// Locks the folder itself, so that only one run at a time uses it. Without locks in the file system, the journal's lock protects the
+/// Locks the folder itself, so that only one run at a time uses it. If folders cannot be locked, the journal's lock still protects the
 /// photos.
 pub(super) fn lock(path: &Path) -> Result<Option<File>> {
     let Ok(folder) = File::open(path) else { return Ok(None) };
-    // The lock of a killed process may outlive it for a moment.
+    // A killed process may still hold its lock for a moment.
     for _ in 0..50 {
         match folder.try_lock() {
             Ok(()) => return Ok(Some(folder)),
@@ -272,7 +272,8 @@ pub(super) fn lock(path: &Path) -> Result<Option<File>> {
         .help("wait until it has ended, or name another folder"))
 }
 
-/// Refuses links, pipes and devices among the files of a run, before any photo is taken. Folders of other programs may be links.
+/// Refuses links, pipes and devices among the files of a run, before any photo is taken. Links to folders that are not part of the run are
+/// accepted.
 fn require_plain_files(folder: &Path) -> Result<()> {
     for entry in std::fs::read_dir(folder).map_err(Error::reading(folder))?.flatten() {
         let path = entry.path();

@@ -61,15 +61,15 @@ impl Lab {
         Ok(self.transport.insert(transport))
     }
 
-    /// Refuses a rig that does not see its projector, and an uncalibrated rig whose light is not proportional to the projected levels and
-    /// the camera's counts. The answers of such a rig would be wrong without a warning. An audit may use it, since an audit finds these
-    /// faults.
+    /// Refuses a rig whose camera does not see the projector, and an uncalibrated rig whose light is not proportional to the projected
+    /// levels and the camera's counts. The answers of such a rig would be wrong without a warning. An audit accepts such a rig, since an
+    /// audit finds these faults.
     fn trusted(&self, mut transport: LightTransport) -> Result<LightTransport> {
         let Some(measured) = transport.rig().filter(|_| !self.audits) else { return Ok(transport) };
         measured.measurement.sight()?.require()?;
         let is_tested = matches!(&self.source, Source::Rig(rig) if !rig.is_calibrated);
         match measured.measurement.check_pattern(!is_tested) {
-            // The examination photographs white again after the same patterns. The journal of an old run lacks this photo.
+            // The check needs a photo of a test pattern. The journal of an old run lacks this photo.
             Err(Error::NotTaken { .. }) => {}
             map => {
                 let map = map?;

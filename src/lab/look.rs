@@ -13,7 +13,7 @@ const RAYS: usize = 2;
 /// A blended surface with an opacity below this value is drawn as a hole.
 const FAINT: f32 = 0.5;
 
-/// The share of light that does not depend on the angle of a surface. The remaining light is proportional to the cosine.
+/// The fraction of light that does not depend on the angle of a surface. The remaining light is proportional to the cosine of the angle.
 const AMBIENT: f32 = 0.25;
 
 /// Draws the scene from its camera, in linear RGB in \[0,1\]. Empty space and the backs of one-sided surfaces are black, as in photos.
@@ -111,7 +111,7 @@ mod tests {
         crate::scene::load(&path, None).expect("shipped scenes load")
     }
 
-    /// A scene with one triangle that has these texture coordinates and fills the view. Its texture is a checkerboard of 2×2 texels.
+    /// A scene with one triangle that fills the view and has the texture coordinates `at` in all corners. Its texture has 2×2 texels.
     fn painted(at: Vec2) -> Scene {
         let mut scene = corner();
         let (camera, ahead) = (&scene.camera, scene.camera.position + scene.camera.forward);
@@ -142,7 +142,7 @@ mod tests {
             [([0.2, 0.2], [1.0, 0.0, 0.0]), ([1.2, 1.2], [0.0, 1.0, 0.0]), ([0.2, -0.3], [0.0, 0.0, 1.0])]
         {
             let found = seen(&painted(at.into()));
-            // The camera sees the surface perpendicularly, up to half a pixel.
+            // The ray is perpendicular to the surface, up to half a pixel, so the colour is not darkened.
             assert!(found.iter().zip(color).all(|(a, b)| (a - b).abs() < 0.1), "{at:?}: {found:?}");
         }
     }

@@ -81,7 +81,7 @@ const NUMBERS: usize = 8 << 20;
 
 /// The first products of a rig with one part and channel of its light.
 pub(super) struct Products {
-    /// For each product: the pattern, scaled to norm 1, the product itself, and the standard error of its values.
+    /// For each product: the pattern scaled to norm 1, its product, and the standard error of the product's values.
     taken: Vec<(Vec<f64>, Vec<f64>, f64)>,
     of: Option<(Part, usize)>,
     most: usize,
@@ -119,7 +119,7 @@ impl Products {
             for (other, product, other_error) in &self.taken[..i] {
                 let [there, back] = [dot(other, y), dot(x, product)];
                 squares += 2.0 * (there - back).powi(2);
-                // The patterns have norm 1, so the variance of an inner product is that of one value.
+                // The patterns have norm 1, so their inner products with a product have the variance of one value of the product.
                 noise += 2.0 * (error * error + other_error * other_error);
                 energy += there * there + back * back;
                 pairs += 1.0;
@@ -132,7 +132,7 @@ impl Products {
         let Some(value) = figure.value() else {
             return Some(Finding::unmeasured("asymmetry", "the products are no more than noise"));
         };
-        // A mean of `pairs` squares of Gaussians has a relative error of √(2/pairs). The relative error of its root is half as large.
+        // A mean of `pairs` squares of Gaussians has a relative error of √(2/pairs). Its square root has half of this relative error.
         let error = (squares / energy).sqrt() * (0.5_f64 / pairs).sqrt();
         let found = format!(
             "light from one pixel to another differs from light back by {figure}, ± {}, on the patterns that were shown",

@@ -103,7 +103,8 @@ pub struct Lab {
     sheet: Arc<Mutex<ContactSheet>>,
     kept_truth: Option<Truth>,
     keeps_photos: bool,
-    /// Whether the request examines the faults of a rig. A rig is then accepted even if its light is not seen or not proportional.
+    /// Whether the request examines the faults of a rig. Then a rig is accepted even if its camera does not see the projector, or if its
+    /// light is not proportional to the projected levels.
     audits: bool,
     run: Option<RunFolder>,
     /// Findings about the rig from the photos of the last verb.
@@ -238,7 +239,7 @@ impl Lab {
         Ok(&self.scene_source()?.scene)
     }
 
-    /// Lets `work` use the tracer of the scene.
+    /// Calls `work` with the tracer of the scene.
     ///
     /// # Errors
     /// [`Error::Data`] if there is no scene.

@@ -57,7 +57,7 @@ impl Kind {
     }
 }
 
-/// For each part of the light, the expected norm of the error of a product with a vector of norm 1.
+/// The expected norm of the error of a product with a vector of norm 1, for each part of the light.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct ProductNoise {
     pub(super) full: f64,

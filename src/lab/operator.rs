@@ -11,10 +11,10 @@ use crate::operator::{Adjoint, Direction, Operator, Symmetry};
 use crate::report::contact_sheet::ContactSheet;
 use crate::transport::Part;
 
-/// `y = P x` for one part `P` and one channel of the light transport matrix. Each product is one photo: computed, traced, or taken.
+/// `y = P x` for one part `P` and one channel of the light transport matrix. Each product is one photo, either simulated or taken by a rig.
 ///
 /// The operator shares ownership of the light transport, so it can outlive the laboratory and move to another thread. Only one operator of
-/// a laboratory works at a time. With a folder, the journal keeps each product before the product is returned, and no photo is taken twice.
+/// a laboratory works at a time. In a run with a folder, each product is stored in the journal first, so that no photo is taken twice.
 pub struct LabOperator {
     transport: Arc<Mutex<LightTransport>>,
     shape: Shape,
@@ -24,7 +24,8 @@ pub struct LabOperator {
     /// The record of photos for the report. It is `None` if the products are not photos of the run.
     sheet: Option<Arc<Mutex<ContactSheet>>>,
     photos: usize,
-    /// Whether products only confirm an answer. Such products cost nothing, do not count as photos, and cannot be computed by a model.
+    /// Whether products only confirm an answer. Such products need no photo of a rig, do not count as photos, and are never predicted by a
+    /// model.
     is_confirming: bool,
     /// The standard errors of the products of the last call. The list is empty if the source does not know them.
     errors: Vec<f64>,
@@ -68,7 +69,7 @@ impl LabOperator {
         self.photos
     }
 
-    /// Whether products cost little computing time and no photos of a rig.
+    /// Whether a product takes little computing time and needs no photo of a rig.
     pub(crate) fn is_free(&self) -> bool {
         lock(&self.transport).is_free()
     }

@@ -127,7 +127,7 @@ impl Lab {
         let _ = self.observer.0.step(&step);
     }
 
-    /// Runs `work`, which takes photos. Records its time and the costs on a rig, which matter most if `work` failed.
+    /// Runs `work`, which takes photos. Records its time, and the costs on a rig, even if `work` fails.
     pub(crate) fn photos<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
         self.photos_with(|_| true, work)
     }
@@ -144,7 +144,7 @@ impl Lab {
             Some(transport) => lock(transport).record(is_complete)?,
             None => None,
         };
-        // A replayed run keeps the findings of its own photos, which include some photos that this question does not need.
+        // A replayed run keeps the findings from all of its photos, even if this request does not need all of them.
         self.findings = self.source.findings();
         if let Some(mut rig) = record {
             merge(&mut self.findings, std::mem::take(&mut rig.findings));
@@ -162,13 +162,13 @@ impl Lab {
         lock(self.transport()?).record(true)
     }
 
-    /// Findings about the rig from the photos of the last verb: whether it sees the projector, whether its light is steady, and whether
-    /// each light path has the same strength in both directions. Empty for other sources.
+    /// Findings about the rig from the photos of the last verb: whether its camera sees the projector, whether its light is steady, and
+    /// whether each light path has the same strength in both directions. Empty for other sources.
     pub fn findings(&self) -> &[Finding] {
         &self.findings
     }
 
-    /// Lets `work` use the rig's measurement, if photos are of a rig. Fails as [`Lab::operator`] and `work`.
+    /// Calls `work` with the rig's measurement; `None` if no rig takes the photos. Fails as [`Lab::operator`] and `work`.
     pub fn with_measurement<T>(
         &mut self,
         work: impl FnOnce(&mut Measurement) -> Result<T>,
@@ -178,7 +178,7 @@ impl Lab {
     }
 
     /// Findings about unrequested behaviour of a rig's devices, such as an automatic iris. The devices are opened for this check alone,
-    /// before they are opened as an operator. Devices that a program handed over can be opened only once, so they are not examined.
+    /// before they are opened to take photos. The list is empty if they cannot be opened.
     pub(crate) fn faults_of_devices(&mut self) -> Result<Vec<Finding>> {
         self.transport = None;
         let Source::Rig(rig) = &self.source else { return Ok(Vec::new()) };

@@ -22,7 +22,7 @@ pub(super) const MOVING: &str = ".moving";
 pub(super) struct Replaced {
     run: PathBuf,
     aside: PathBuf,
-    /// Earlier runs that the replaced run had itself replaced before it was complete.
+    /// Folders of earlier runs that the replaced run had moved aside. It was never completed, so these folders still exist.
     before: Vec<String>,
 }
 
@@ -31,7 +31,7 @@ impl Replaced {
     pub(super) fn move_aside(run: &Path) -> Result<Self> {
         let is_free =
             |name: &String| [name, &format!("{name}{MOVING}")].iter().all(|name| !is_there(&run.join(name)));
-        // The disk is full long before the numbers are used up.
+        // An unused name is always found, since the disk is full long before the numbers are used up.
         let name = (1..=u32::MAX).map(|number| format!("{NAME}{number}")).find(is_free).unwrap_or_default();
         let moving = run.join(format!("{name}{MOVING}"));
         file::make_folder(&moving)?;
@@ -97,8 +97,8 @@ impl Replaced {
         self.names().iter().try_for_each(|name| file::remove(&self.run.join(name)))
     }
 
-    /// Puts the replaced run back in place of a new run without photos. The record of the new run is removed first. If the program is
-    /// killed here, the next program can therefore complete the work.
+    /// Puts the replaced run back in place of a new run without photos. The record of the new run is removed first. Therefore, if this
+    /// program is killed in between, the next one can complete the work.
     pub(super) fn restore(&self) -> Result<()> {
         let moving = self.moving();
         if is_there(&self.aside) {
@@ -115,7 +115,7 @@ impl Replaced {
     }
 }
 
-/// Moves all entries of one folder into another, the record last, and removes the first folder. An entry replaces one of the same name.
+/// Moves all entries of the folder `from` into `to`, the record last, and removes `from`. Existing entries of the same names are replaced.
 pub(super) fn move_all(from: &Path, to: &Path) -> Result<()> {
     let entries = fs::read_dir(from).map_err(Error::reading(from))?.flatten();
     let mut names: Vec<_> = entries.map(|entry| entry.file_name()).collect();

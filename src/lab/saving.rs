@@ -91,7 +91,7 @@ impl Lab {
         self.record_costs(run, answer.has_white())?;
         merge(&mut self.findings, run.manifest.rig.iter().flat_map(|rig| rig.findings.clone()));
         run.manifest.findings = self.findings_of(answer);
-        // The verification joins the findings here, because the run is no longer open.
+        // `findings_of` adds the verification only while the run is open, and `self.run` is already empty. It is therefore added here.
         merge(&mut run.manifest.findings, run.manifest.verification.as_ref().map(Verification::finding));
         let seconds = run.seconds();
         let start = Instant::now();

@@ -94,7 +94,7 @@ impl SceneSource {
         }
     }
 
-    /// The requested shard, if the file already holds it. If the file holds a different shard, this is reported.
+    /// The requested shard, if the file already holds it. Otherwise, a note reports why the file is replaced.
     fn whole_shard(&self, file: &Path, origin: &ShardOrigin, of: (usize, usize)) -> Option<TracedShard> {
         let found = ShardFile::open(file).and_then(|there| {
             let record = there.record();
@@ -216,7 +216,7 @@ fn require_one_matrix(files: Vec<ShardFile>) -> Result<Vec<ShardFile>> {
         format!("it is not of the same matrix as {}: {}", first.path().display(), found.join("; ")),
     )
     .help("join shards of the same scene, traced with equal options, drivers and programs");
-    // A damaged file may have any record, so both files are checked for damage before the mismatch is reported.
+    // The record of a damaged file may be wrong, so both files are checked for damage before the mismatch is reported.
     files
         .into_iter()
         .enumerate()

@@ -22,8 +22,8 @@ fn traced(scene: Scene, side: usize) -> Result<Lab> {
     Lab::builder_of_scene(scene).size(side, side).samples(64).seed(9).open()
 }
 
-/// The uncalibrated realistic rig in front of a scene. Per side, its camera has `finer` times the scene's pixels. In the rig file, the
-/// first text of each pair in `replaced` is replaced by the second.
+/// The uncalibrated realistic rig in front of a scene. Along each side, its camera has `finer` times as many pixels as the scene. In the
+/// rig file, the first text of each pair in `replaced` is replaced by the second.
 fn before(exact: &Lab, finer: f64, replaced: &[[&str; 2]]) -> Result<Lab> {
     let side = (finer * exact.resolution().width as f64).round();
     let mut text = REALISTIC.replace("size = [160, 160]", &format!("size = [{side}, {side}]"));
@@ -38,7 +38,7 @@ fn white(lab: &mut Lab, part: Part) -> Result<Vec<f64>> {
     Ok(lab.white_of(part)?.swap_remove(0))
 }
 
-/// The relative error of a part's photo under white. The ratio of the white photos of the full light defines the unit.
+/// The relative error of the rig's photo of one part under white. The ratio of the two full white photos converts the rig's unit.
 fn error(rig: &mut Lab, exact: &mut Lab, part: Part) -> Result<f64> {
     let unit = white(rig, Part::Full)?.iter().sum::<f64>() / white(exact, Part::Full)?.iter().sum::<f64>();
     let (found, truth) = (white(rig, part)?, white(exact, part)?);
@@ -52,7 +52,7 @@ fn a_sheet_tells_the_vignetting_of_both_devices() -> Result<()> {
     let mut rig = before(&exact, 2.5, &[])?;
     assert!(rig.measure_flat_field().is_err(), "a rig that was not calibrated");
     let report = rig.calibrate(&Default::default())?;
-    // The corners of the projector have 0.9 of the light at its centre. For the camera, this factor is 0.85.
+    // The corners of the projector have 0.9 of the light at its centre. For the camera, this factor is 0.85. The ratio is 0.944.
     let ratio = report.evenness.map_or(f64::NAN, |evenness| evenness.value);
     assert!((ratio - 0.944).abs() < 0.03, "{ratio}");
     let lines = report.lines();
@@ -65,7 +65,7 @@ fn a_sheet_tells_the_vignetting_of_both_devices() -> Result<()> {
     let uneven = error(&mut rig, &mut exact, Part::Full)?;
     let flat = rig.measure_flat_field()?;
     let corner = |values: &[f64]| values[0] / values.iter().copied().fold(0.0, f64::max);
-    // The corner pixel is half a pixel inside the corner, where the vignetting is a tenth weaker.
+    // The centre of the corner pixel is half a pixel from the corner, where the vignetting is slightly weaker.
     assert!((corner(&flat.projector) - 0.905).abs() < 0.02, "{}", corner(&flat.projector));
     assert!((corner(&flat.camera) - 0.857).abs() < 0.02, "{}", corner(&flat.camera));
     let even = error(&mut rig, &mut exact, Part::Full)?;
@@ -74,8 +74,8 @@ fn a_sheet_tells_the_vignetting_of_both_devices() -> Result<()> {
     Ok(())
 }
 
-/// The corners of the projector have 0.9 of the light at its centre; for the camera, this factor is 0.85. Ignoring either gives an error of
-/// a tenth.
+/// The corners of the projector have 0.9 of the light at its centre. For the camera, this factor is 0.85. If either factor were ignored,
+/// the error would be a tenth.
 #[test]
 fn white_and_direct_light_are_those_of_even_devices() -> Result<()> {
     let exact = traced(builtin::zigzag().to_scene(), 24)?;
@@ -89,7 +89,7 @@ fn white_and_direct_light_are_those_of_even_devices() -> Result<()> {
             found.iter().zip(&expected).map(|(found, expected)| found - expected).collect();
         norm(&misfit) / norm(&expected)
     };
-    // A pattern is dimmed at pixels where the projector is brighter, also the pattern of ones.
+    // Every pattern, even the pattern of ones, is dimmed at pixels where the projector is brighter.
     let (white, photo) = (rig.white()?, rig.photo(&ones)?);
     assert!(off(&white, &photo) < 0.01, "{}", off(&white, &photo));
     // The direct light under ones equals the row sums of the direct light's matrix.
@@ -113,8 +113,9 @@ fn white_and_direct_light_are_those_of_even_devices() -> Result<()> {
 fn direct_light_that_lens_and_camera_spread_is_no_global_light() -> Result<()> {
     let mut exact = traced(builtin::corner().to_scene(), 48)?;
     let blurred = ["blur = 0.2", "blur = 0.6"];
-    // The limit for the fine camera is near its measured error of 0.083, with codes, which show the blur. Squares of two pixels hide the
-    // blur and gave 0.13. The noise of the direct light alone is 0.07 of the global light. The coarse camera does not resolve codes.
+    // The fine camera measures direct light with codes, which show the blur. Its measured error is 0.083. Checkerboards with squares of two
+    // pixels hide the blur and gave 0.13. The noise of the direct light alone is 0.07 of the global light. The coarse camera does not
+    // resolve codes, so its limit is larger.
     for (finer, most) in [(2.5, 0.10), (1.0, 0.35)] {
         let mut rig = before(&exact, finer, &[blurred])?;
         rig.calibrate(&Default::default())?;
@@ -136,7 +137,7 @@ fn a_camera_as_coarse_as_the_projector_is_registered_to_a_part_of_a_pixel() -> R
     let [x, y] = lens.to_projector([24.0, 24.0]);
     assert!((x - 24.3).abs() < 0.03 && (y - 24.4).abs() < 0.03, "{x} {y}");
     let white = error(&mut rig, &mut exact, Part::Full)?;
-    // The remaining error is noise. With Gray codes it was 0.1, because they gave a pixel map of a camera that sees only the lit area.
+    // The remaining error is noise. A pixel map from Gray codes gave an error of 0.1, as of a camera that sees only the lit area.
     assert!(white < 0.06, "{white}");
     Ok(())
 }
@@ -171,8 +172,9 @@ fn a_rig_whose_light_is_not_in_proportion_is_refused_until_it_is_calibrated() ->
     Ok(())
 }
 
-/// The camera is aligned with the projector, and has 2 or 2.5 pixels per projector pixel. At the border of the lit area, its pixels see a
-/// trace of unlit projector pixels (calibrated), or half of a neighbour (ideal). They once caused an adjusted Rand index of 0.0 to 0.23.
+/// The camera is aligned with the projector, and has 2 or 2.5 pixels per projector pixel along each side. At the border of the lit area, a
+/// camera pixel of the calibrated rig sees a little of an unlit projector pixel, and one of the ideal rig sees half of a neighbour. These
+/// camera pixels once reduced the adjusted Rand index to between 0.0 and 0.23.
 #[test]
 fn an_aligned_camera_finds_the_groups_at_silhouettes_too() -> Result<()> {
     let exact = traced(builtin::zigzag().to_scene(), 24)?;

@@ -10,8 +10,8 @@ use crate::measure::{Calibration, RigFile};
 
 impl Lab {
     /// The same scene seen by the virtual devices of a rig file. This scene replaces the scene that the file names. It is traced again only
-    /// if the devices have other channels than this laboratory. Without a calibration in the file, the devices are taken as ideal until
-    /// [`Lab::calibrate`] or [`Lab::set_calibration`].
+    /// if the devices have other channels than this laboratory. If the file names no calibration, the devices are treated as ideal until
+    /// [`Lab::calibrate`] or [`Lab::set_calibration`] is called.
     ///
     /// ```
     /// use krylux::lab::Lab;
@@ -96,7 +96,7 @@ mod tests {
         assert!(exact.assembled()?.is_some_and(|traced| Arc::ptr_eq(&traced, &twin)));
         let light = exact.white()?.plane(0);
         let unit = seen.iter().sum::<f64>() / light.iter().sum::<f64>();
-        // One unit is one count of 65535. A white pattern fills half of the counts within 0.1 s.
+        // The camera has 65535 counts and an exposure of 0.1 s, so one count is 10 DN/s.
         let off = seen.iter().zip(&light).map(|(seen, light)| (seen - unit * light).abs());
         assert!(off.fold(0.0, f64::max) <= 10.0);
         Ok(())

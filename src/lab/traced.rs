@@ -55,7 +55,7 @@ fn require_memory(scene: &Scene, most: u64) -> Result<()> {
     .help("simplify the meshes, place fewer of them, or use a machine with more memory"))
 }
 
-/// The share of the load time of a scene that reading the files takes. The search tree takes the other share.
+/// The fraction of the loading progress that counts for reading the files. Building the search tree counts for the rest.
 const READING: f32 = 0.5;
 
 /// As [`told`], but a stop is returned as an error.
@@ -63,7 +63,8 @@ pub(super) fn at(observer: &SharedObserver, share: f32) -> Result<()> {
     if told(observer, share).is_break() { Err(Error::Interrupted) } else { Ok(()) }
 }
 
-/// Tells the observer the loaded share of a scene: 0, [`READING`] after the files, 1 after the search tree. Returns whether to continue.
+/// Tells the observer the progress of loading a scene: 0 at the start, [`READING`] after the files, and 1 after the search tree. Returns
+/// whether to continue.
 fn told(observer: &SharedObserver, share: f32) -> ControlFlow<()> {
     let done = (100.0 * share) as u64;
     observer.0.step(&Step { stage: "loading", done, total: 100, estimate: Estimate::None })

@@ -73,7 +73,7 @@ impl Retracing {
 }
 
 impl Engine {
-    /// Lets `work` multiply with one part and channel.
+    /// Calls `work` with the operator of one part and channel.
     fn with_operator<T>(
         &mut self,
         part: Part,
@@ -127,7 +127,7 @@ impl LightTransport {
         }
     }
 
-    /// The noise as [`crate::lab::Lab::product_noise`]. The journal of a run may also contain it.
+    /// The noise, as [`crate::lab::Lab::product_noise`]. It is known from a traced matrix, or from a note in the journal of a run.
     pub(super) fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
         let noise = match (&self.engine, &mut self.journal) {
             (Engine::Replayed(traced), _) => opening::product_noise(traced),

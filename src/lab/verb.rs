@@ -80,8 +80,8 @@ pub trait Verb: Serialize {
         Ok(())
     }
 
-    /// Takes the arrays that a program gives in place of files, possibly none. Fails with [`Error::Option`] if the request has no field of
-    /// an array's name that takes an array.
+    /// Takes the arrays that a program gives in place of files, possibly none. Fails with [`Error::Option`] if an array is for a field that
+    /// does not exist or takes no array.
     fn give(&mut self, given: Vec<GivenArray>) -> Result<()> {
         given.first().map_or(Ok(()), |given| Err(given.not_taken()))
     }
@@ -111,7 +111,7 @@ pub trait Answer {
         Content::default()
     }
 
-    /// Findings about the answer. They state whether it is good enough, and which quantities could not be measured.
+    /// Findings about the answer. They state whether the answer is good enough, and which quantities could not be measured.
     fn findings(&self) -> Vec<Finding> {
         Vec::new()
     }

@@ -1,10 +1,10 @@
-//! Light in both directions: an operator and its transpose from two arrangements of the same devices, and the products `AᵀA` and `A Aᵀ`.
+//! An operator whose transpose is measured by a second arrangement of the same devices, and the products `AᵀA` and `A Aᵀ`.
 
 use super::{Adjoint, Direction, Operator, Symmetry, block, block_mut, delegate, product};
 use crate::error::{Error, Result};
 
-/// An operator `A` whose transpose has another source: the same scene with camera and projector exchanged. By Helmholtz reciprocity, light
-/// travels equally well from a projector's pixel to a camera's pixel and back. The second arrangement therefore photographs `Aᵀ`.
+/// An operator `A` whose transpose is measured separately, in the same scene with camera and projector exchanged. By Helmholtz reciprocity,
+/// light travels equally well from a projector's pixel to a camera's pixel and back. The second arrangement therefore photographs `Aᵀ`.
 ///
 /// The two arrangements measure light in different units. `unit` is the factor that converts the second arrangement's unit to the first's.
 pub struct Exchanged<F, B> {
@@ -31,7 +31,7 @@ impl<F: Operator, B: Operator> Exchanged<F, B> {
     /// photos, `1ᵀA 1` and `1ᵀAᵀ1`, measure the same light. Takes two products.
     ///
     /// # Errors
-    /// The errors of [`Exchanged::new`]; [`Error::Numerical`] if the second arrangement sees no light; any error of the products.
+    /// The errors of [`Exchanged::new`]; [`Error::Numerical`] if one of the arrangements sees no light; any error of the products.
     pub fn in_one_unit(mut forth: F, mut back: B) -> Result<Self> {
         let light = |operator: &mut dyn Operator| -> Result<f64> {
             let ones = vec![1.0; operator.cols()];
@@ -121,8 +121,8 @@ pub struct Gram<'a> {
     operator: &'a mut dyn Adjoint,
     /// True for `A Aᵀ`, which acts on photos; false for `AᵀA`, which acts on patterns.
     of_photos: bool,
-    /// The largest ratio so far of the norm of a second product to the norm of its input. It limits how much second products enlarge
-    /// errors.
+    /// The factor by which a second product may enlarge the error of the first product. It is the largest ratio so far of the norm of a
+    /// second product to the norm of its input.
     gain: f64,
     errors: Vec<f64>,
 }

@@ -1,4 +1,4 @@
-//! Operators with another observer, or with a record of their products.
+//! Wrappers that give an operator another observer, or record its products.
 
 use std::cell::RefCell;
 use std::ops::ControlFlow;
@@ -212,7 +212,7 @@ mod tests {
         assert_eq!(stages, ["photos"; 3]);
     }
 
-    /// A rig whose products take two frames each, after seven frames for its references.
+    /// A rig that has taken this number of frames. Each product takes two more frames.
     struct TwoFrames(u64);
 
     impl Operator for TwoFrames {

@@ -27,7 +27,7 @@ pub enum Light {
 }
 
 impl Light {
-    /// The part of the matrix for this light; `None` if the light is available only as a single layer.
+    /// The part of the matrix for this light; `None` for light that is no part, and is available only as a separate layer.
     pub(super) fn part(self) -> Option<Part> {
         match self {
             Self::All => Some(Part::Full),

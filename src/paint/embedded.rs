@@ -74,14 +74,14 @@ pub struct Embedded {
     html: String,
     /// The largest relative error that storing the matrix causes in the photos of white, of a checkerboard and of random patterns.
     pub error: f64,
-    /// The share of the matrix's entries that the page contains.
+    /// The fraction of the matrix's entries that the page contains.
     pub kept: f64,
 }
 
 /// The compression level. A higher level takes several times as long, and saves only a few per cent.
 const LEVEL: Compression = Compression::new(6);
 
-/// The smallest share of the entries that is tried for a matrix that is too large, and the number of trials.
+/// The smallest fraction of the entries that is tried for a matrix that is too large, and the number of trials.
 const LEAST_SHARE: f64 = 0.02;
 const TRIALS: usize = 6;
 
@@ -349,9 +349,9 @@ fn put_number(mut value: u32, bytes: &mut Vec<u8>) {
     bytes.push(value as u8);
 }
 
-/// Keeps about this share of the entries of all layers together. Entries above a threshold `τ` are unchanged. A smaller entry `a` becomes
-/// `±τ` with the probability `|a| / τ`, and is otherwise dropped. The expectation of every entry is unchanged. Both halves of a symmetric
-/// matrix are thinned in the same way.
+/// Keeps about the fraction `share` of the entries of all layers together. Entries above a threshold `τ` are unchanged. A smaller entry `a`
+/// becomes `±τ` with the probability `|a| / τ`, and is otherwise dropped. The expectation of every entry is unchanged. Both halves of a
+/// symmetric matrix are thinned in the same way.
 pub(super) fn thinned(layers: &[(Light, Columns)], share: f64) -> Vec<(Light, Columns)> {
     if share >= 1.0 {
         return layers.to_vec();
@@ -403,12 +403,12 @@ fn without_small(columns: &Columns, scales: &[f64], threshold: f64) -> Columns {
     Columns::new(values_kept.into_iter().filter_map(thin).collect())
 }
 
-/// The threshold `τ` for which `Σ min(1, size / τ)` is this share of the number of entries. An entry above the threshold counts as 1.
+/// The threshold `τ` for which `Σ min(1, size / τ)` is the fraction `share` of the number of entries.
 fn threshold(mut sizes: Vec<f64>, share: f64) -> f64 {
     sizes.sort_by(f64::total_cmp);
     let wanted = share * sizes.len() as f64;
     let mut below = sizes.iter().sum::<f64>();
-    // The search starts at the largest entry. If `whole` entries count as 1, `threshold` is the value at which the sum is as required.
+    // The search starts at the largest entry. If the `whole` largest entries count as 1, the sum is as required at `threshold`.
     for (whole, &size) in sizes.iter().rev().enumerate() {
         let threshold = below / (wanted - whole as f64).max(f64::MIN_POSITIVE);
         if size <= threshold {

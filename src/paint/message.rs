@@ -38,7 +38,7 @@ pub struct NumberedQuestion {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum MessageKind {
-    /// A photo. The number is that of the author's last request that the photo includes. The flag means that the photo is exact.
+    /// A photo. Its number is the number of the author's last request that the photo includes. If the flag is set, the photo is exact.
     Photo = 1,
     /// The pattern of the photo, for the pages that did not paint it.
     Pattern = 2,

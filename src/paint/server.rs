@@ -238,8 +238,8 @@ impl Guard {
         }
     }
 
-    /// Whether a request names this machine or the listening address as its host. Otherwise, a foreign page may have redirected its host
-    /// here.
+    /// Whether a request names this machine or the listening address as its host. Otherwise, a foreign page may have made the name of its
+    /// host resolve to this machine.
     pub fn knows_host(&self, host: &str) -> bool {
         let name =
             host.rsplit_once(':').map_or(host, |(name, port)| if port.ends_with(']') { host } else { name });

@@ -1,4 +1,4 @@
-//! Camera and projector apart. Photos with the two devices exchanged give the transpose.
+//! Light transport with camera and projector apart. Photos with the two devices exchanged give the transpose.
 //!
 //! If the projector is beside the camera, `A` is not symmetric, and no photo of this arrangement shows `Aᵀ`. By Helmholtz reciprocity, the
 //! exchanged arrangement shows `Aᵀ`: the projector is where the camera was, and the camera is where the projector was. Each step therefore
@@ -6,7 +6,7 @@
 //! matrices `A Aᵀ` and `AᵀA` are symmetric. The graph of `A Aᵀ` groups the camera's pixels, and the graph of `AᵀA` the projector's. Two
 //! pixels are neighbours in these graphs if the same light reaches both.
 //!
-//! Direct light is kept, since photos cannot separate it: it is not on a diagonal here. It connects no regions.
+//! Direct light is kept. Photos cannot separate it here, since its matrix is not diagonal. It connects no regions.
 //!
 //! The virtual rig cannot exchange its own devices. A second rig therefore uses the scene traced with camera and projector exchanged, by
 //! other light paths. The report states how far the two traced matrices are from transposes of each other.
@@ -117,7 +117,7 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
     let values: Vec<f64> = found.values.iter().map(|value| value / unit).collect();
     let off = |(found, dense): (&f64, &f64)| (found - dense).abs() / dense;
     let worst = values.iter().zip(&dense.values).map(off).fold(0.0, f64::max);
-    // This compares the light of the best `COUNT` orthogonal patterns with the light of the patterns found.
+    // The light of the patterns found is compared with the light of the best `COUNT` orthogonal patterns.
     let mut light = bench.truth(&stage, Part::Full)?;
     let mut carried = 0.0;
     for pattern in &found.right {

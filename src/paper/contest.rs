@@ -1,5 +1,5 @@
-//! Compensation methods after equal numbers of photos (the paper's with clamping, box-constrained ones, the optimum), with target and
-//! pictures.
+//! Compares compensation methods after equal numbers of photos: the paper's method with clamping, box-constrained methods, and the optimum.
+//! The target and the pictures are made here, too.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -78,7 +78,7 @@ impl<'a> TargetLight<'a> {
         let observer = OnStep::new(|step: &Step<'_>| {
             let Estimate::Solution { iterate, .. } = step.estimate else { return ControlFlow::Continue(()) };
             let answer = iterate();
-            // A step may take no photo, or two photos in methods of photo pairs.
+            // A step may take no photo. In methods that take pairs of photos, it may take two.
             while (run.answered.len() as u64) < step.done {
                 self.record(&answer, &mut run);
             }
@@ -95,7 +95,7 @@ impl<'a> TargetLight<'a> {
         run.displayed.push(self.residual(&clamped(answer)));
     }
 
-    /// A lower bound of the relative residual over all patterns in [0, 1], and the residual that a pattern attains.
+    /// A lower bound of the relative residual over all patterns in [0, 1], and the residual that the best pattern found attains.
     ///
     /// For the residual `r = b − A x` of a pattern `x`, convexity gives `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)` for all patterns `z`. The
     /// minimum of the right side over the box is a sum over pixels (the Frank–Wolfe gap). Accelerated gradients give `x`, whose accuracy

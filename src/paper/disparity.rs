@@ -35,8 +35,8 @@ const AGREE: f64 = 0.1;
 /// A method counts as unaffected if its residual is at most this many times the residual without disparity, or below a tenth of a per cent.
 const AS_GOOD: f64 = 1.5;
 const SMALL: f64 = 1e-3;
-/// The side of a cell of projector pixels over which codes are averaged, since single codes are rounded; and a cell's least number of
-/// codes.
+/// The side of a cell of projector pixels, and the smallest number of codes in a cell. Codes are averaged over cells, since single codes
+/// are rounded.
 const CELL: f64 = 4.0;
 const CODES: usize = 12;
 

@@ -175,7 +175,7 @@ fn edges(image: &[f64], Resolution { width, height }: Resolution) -> f64 {
 
 /// The number of photos in the paper's shorter run, which must suffice.
 const FEWER: usize = 8;
-/// A residual counts as good if it exceeds the residual after all photos by at most this share.
+/// A residual counts as good if it exceeds the residual after all photos by at most this fraction.
 const ENOUGH: f64 = 0.05;
 
 pub(super) fn fig10(bench: &mut Bench) -> Result<Reproduced> {

@@ -56,7 +56,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         bright.push((f64::from(planes), off(&take(rig, planes, BRIGHT)?)));
         dim.push((f64::from(planes), off(&take(&noisy, planes, DIM)?)));
     }
-    // With and without read noise, the frames are otherwise equal. Their difference is therefore the noise.
+    // The frames with and without read noise are otherwise equal, so their difference is the noise.
     let mut read_only = noisy.clone();
     read_only.camera.shot_noise = false;
     read_only.camera.bits = 16;
@@ -129,7 +129,7 @@ fn photo(
     };
     let file = RigFile { measurement, kind: RigKind::Virtual(rig.clone()), ..file.clone() };
     let mut lab = lab.through_rig(file)?;
-    // The checks of the rig would fail in dim light, because noise hides white at most pixels. The figure shows this effect.
+    // In dim light, the checks of the rig would fail, because noise hides even the white pattern at most pixels. The figure shows this.
     lab.unexamined();
     let pattern = Image::from_planes(lab.resolution(), &[pattern.to_vec()])?;
     // The source is a virtual rig, so its devices exist, and its photos are measured.

@@ -17,7 +17,7 @@ const SIDE: usize = 100;
 const DENSE_SIDE: usize = 32;
 const PHOTOS: usize = 50;
 const ALIKE: f64 = 0.999;
-/// The largest share of the pixels that counts as a spot.
+/// The largest fraction of the pixels that counts as a spot.
 const SPOT: f64 = 1e-3;
 /// The largest number of products with the matrix itself, in the search for the number of photos needed.
 const MOST: usize = 5000;

@@ -21,7 +21,7 @@ use crate::transport::Part;
 pub(super) const SIDE: usize = 100;
 pub(super) const PHOTOS: usize = 50;
 const PURE: f64 = 0.99;
-/// The required share of pixels in the majority group of their row. Borders are noisy and may be bent.
+/// The required fraction of pixels in the majority group of their row. Borders are noisy and may be bent.
 const HORIZONTAL: f64 = 0.9;
 /// The numbers of groups for the zigzag: those of the paper, and four for the halves.
 const FOLDED: [usize; 4] = [2, 4, 6, 10];
@@ -124,7 +124,8 @@ fn is_cheap(
         .at_most(ratio, 1.0))
 }
 
-/// The segmentation after all photos, and the purity of two groups after 4 to 20 photos and at the end, from one interrupted capture.
+/// The segmentation after all photos, and the purity of two groups after 4 to 20 photos and at the end. A single capture is interrupted for
+/// each of these results, and continued.
 fn segment_step_by_step(operator: &mut dyn Operator, stage: &Stage) -> Result<(Segmentation, Points)> {
     let mut capture = Capture::new(asked(PHOTOS, &FOLDED, stage.resolution))?;
     let mut curve = Vec::new();
@@ -216,7 +217,7 @@ pub(super) fn fig5(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The smallest rank of the pixels, from the coordinates of separate eigenvalues only.
+/// The smallest probability `ranked` of the pixels. The distances use only the eigenvectors of separate eigenvalues.
 fn ranked_by_separate(found: &Segmentation, stage: &Stage, pixels: &[usize]) -> f64 {
     // The first eigenvector has equal entries at all pixels, so it is not a coordinate.
     let count = found.eigenvalues.iter().skip(1).filter(|value| **value > edge()).count();
@@ -232,7 +233,8 @@ fn distances(features: &[Vec<f64>], pixel: usize) -> Vec<f64> {
     features.iter().map(distance).collect()
 }
 
-/// The probability that a random pixel of `pixel`'s region is nearer to it than one of another region (area under the ROC curve).
+/// The probability that a random pixel of the region of `pixel` is nearer to `pixel` than a random pixel of another region. It is the area
+/// under the ROC curve.
 fn ranked(distances: &[f64], truth: &[u8], pixel: usize) -> f64 {
     let mut order: Vec<usize> = (0..distances.len()).collect();
     order.sort_by(|&a, &b| distances[a].total_cmp(&distances[b]));

@@ -18,7 +18,7 @@ use crate::transport::Part;
 
 const PATCH_GROUPS: [usize; 3] = [2, 4, 6];
 const PURE: f64 = 0.99;
-/// The smallest size of a patch, as a share of the photo.
+/// The smallest size of a patch, as a fraction of the photo.
 const PATCH: f64 = 0.01;
 const LEFT_SHEET: u8 = 0;
 const POST: u8 = 2;
@@ -60,7 +60,7 @@ pub(super) fn fig6(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The share of group 1 in each patch of the left sheet: left and right of the post.
+/// The fraction of pixels in group 1, for each of the two patches of the left sheet: left and right of the post.
 fn shares(labels: &[u8], stage: &Stage) -> [f64; 2] {
     let width = stage.resolution.width;
     let post = stage.truth.iter().position(|&region| region == POST).map_or(width, |pixel| pixel % width);

@@ -143,7 +143,7 @@ pub enum Content {
 /// The points of a line.
 pub(super) type Points = Vec<(f64, f64)>;
 
-/// The points of values over their numbers, which start at 1.
+/// Points with the number of each value, from 1, and the value.
 pub(super) fn counted(values: &[f64]) -> Points {
     values.iter().enumerate().map(|(index, &value)| (index as f64 + 1.0, value)).collect()
 }

@@ -8,7 +8,7 @@ use crate::analysis::{MASKED, SegmentOptions, Segmentation};
 use crate::image::Resolution;
 use crate::lab::text::decimal;
 
-/// Options of a segmentation that uses all photos of one starting pattern. With the resolution, a noisy rig's directions can be low-passed.
+/// Options of a segmentation that takes all photos from one starting pattern. The low-pass filter for noisy rigs needs the resolution.
 pub(super) fn asked(photos: usize, groups: &[usize], resolution: Resolution) -> SegmentOptions {
     SegmentOptions {
         photos,
@@ -40,7 +40,7 @@ pub(super) fn panels(stage: &Stage, found: &Segmentation, eigenvectors: usize) -
     panels
 }
 
-/// The share of pixels that belong to the majority region of their group. Masked pixels are ignored.
+/// The fraction of pixels that belong to the majority region of their group. Masked pixels are ignored.
 pub(super) fn purity(labels: &[u8], truth: &[u8]) -> f64 {
     let mut counts: BTreeMap<u8, BTreeMap<u8, usize>> = BTreeMap::new();
     for (&label, &region) in labels.iter().zip(truth).filter(|&(&l, &r)| l != MASKED && r != MASKED) {
@@ -55,7 +55,7 @@ pub(super) fn purity(labels: &[u8], truth: &[u8]) -> f64 {
 pub(super) struct Bands {
     /// The number of groups that are the majority in some row of a region. A group narrower than half of its region in each row is ignored.
     pub(super) count: usize,
-    /// The share of pixels in the majority group of their row and region. It is 1 if all borders are along the rows.
+    /// The fraction of pixels in the majority group of their row and region. It is 1 if all borders are along the rows.
     pub(super) share: f64,
 }
 
@@ -146,7 +146,8 @@ pub(super) fn components(labels: &[u8], label: u8, resolution: Resolution) -> Ve
 }
 
 const ALBEDO: f64 = 0.8;
-/// The number of bounces between the faces. A path of six surfaces has five of them; the first is the second bounce of the path.
+/// The maximum number of transfers of light between the faces. A path that hits six surfaces has five transfers. The first of them leads to
+/// the path's second bounce.
 const BOUNCES: i32 = 5;
 
 /// The value `κ(a)` at `a = real + i·imaginary`. Its imaginary part vanishes on `real = ½`, and for real `a`.
@@ -173,7 +174,7 @@ fn bounced(kernel: f64) -> f64 {
 /// `frequency`, and the edge of the spectrum is at `ω = 0`.
 ///
 /// Consider a strip at distance `s` from the crease on one face, and a strip at distance `t` on the other face. The first strip sends this
-/// share of its light to the second, for the opening angle `φ`:
+/// fraction of its light to the second, for the opening angle `φ`:
 ///
 /// ```text
 /// K(s, t) dt = s t sin²φ / (2 (s² + t² − 2 s t cos φ)^{3/2}) dt
@@ -238,7 +239,7 @@ mod tests {
 
     #[test]
     fn even_light_is_shared_as_by_form_factors() {
-        // The share of light from one face of an infinite fold towards the other is (1 + cos φ) / 2, the form factor of two half planes.
+        // The fraction of light from one face of an infinite fold to the other is (1 + cos φ) / 2, the form factor of two half planes.
         for angle in [0.6_f64, 1.176, std::f64::consts::FRAC_PI_2] {
             let wanted = (1.0 + angle.cos()) / 2.0;
             assert!((kernel(angle, [0.0, 0.0]) - wanted).abs() < 1e-9, "quadrature at {angle}");

@@ -74,7 +74,7 @@ fn curve([low, high]: [f64; 2], of: impl Fn(f64) -> f64) -> Points {
     (0..POINTS).map(|index| (at(index), of(at(index)))).collect()
 }
 
-/// The residual that the errors of the devices add to a solution's residual, measured by one more photo of the solution.
+/// The sentence that explains a solution's residual by the errors of the devices. One more photo of the solution measures these errors.
 fn devices(
     operator: &mut dyn Operator,
     target_light: &TargetLight<'_>,
@@ -105,7 +105,7 @@ fn residual_plot(run: &Run, ends: [f64; 2]) -> Plot {
     Plot::linear(caption, ["eigenvalue λ, W/(m² sr)", "p(λ)"], lines).marked(0.0, "")
 }
 
-/// The plot of two shares of the spectrum up to each eigenvalue: the target's light in the eigenvectors, and the number of eigenvalues.
+/// The plot of two cumulative fractions of the spectrum: of the number of eigenvalues, and of the target's light in their eigenvectors.
 fn share_plot(exact: &Spectrum, shares: &[f64], scale: f64) -> Plot {
     let steps = |of: &dyn Fn(usize) -> f64| -> Points {
         let mut sum = 0.0;

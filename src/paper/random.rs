@@ -20,7 +20,7 @@ const SIDE: usize = 100;
 const PHOTOS: usize = 50;
 /// The number of photos of the compensation by a Krylov method.
 const FEW: usize = 10;
-/// A Krylov method must need at most this share of the photos that random patterns need.
+/// A Krylov method must need at most this fraction of the photos that random patterns need.
 const SHARE: f64 = 0.5;
 const SEED: u64 = 7;
 
@@ -128,11 +128,11 @@ fn compensation(bench: &mut Bench, side: usize) -> Result<(Vec<Plot>, Vec<Panel>
     Ok((plots, panels, checks))
 }
 
-/// Of a run with more photos than this, only the end is evaluated.
+/// Runs with more photos than this are evaluated only at the end.
 const EACH: usize = 50;
 
-/// The smallest share of a photo's norm that counts as new once the earlier photos are removed. A photo that depends on the earlier photos
-/// keeps about 1e-16 of its norm, which is rounding.
+/// A photo is new if at least this fraction of its norm remains after its components along the earlier photos are removed. A photo that
+/// depends linearly on the earlier photos keeps about 1e-16 of its norm, which is rounding.
 const ROUNDING: f64 = 1e-10;
 
 /// The graph of exchanged light, from one or two photos.

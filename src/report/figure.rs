@@ -1,4 +1,4 @@
-//! The figures of a page for light, errors, amounts and groups. Each is a picture with the meaning of its colours, and its values.
+//! The figures of a page for light, errors, amounts and groups. Each is a picture with a legend and its values.
 
 use super::colormap::{paint_sequential, paint_signed, robust_range};
 use super::html::{Figure, Kind, Legend, Values};
@@ -60,7 +60,7 @@ pub(crate) fn labels(size: Resolution, labels: &[u8], caption: impl Into<String>
     figure(painted, Values::of_labels(size, labels), caption)
 }
 
-/// A picture with the meaning of its colours, and its values.
+/// A picture with a legend and its values.
 pub(crate) fn figure(
     (picture, legend): (Raster, Legend),
     values: Values,

@@ -67,8 +67,8 @@ impl Default for Palette {
 
 impl Palette {
     /// Colours for `labels` that match a picture of `reference` in this palette. The group with the most pixels in common with a region of
-    /// the reference takes the colour of this region. Then the next group takes the colour of another region, and so on. The groups that
-    /// are left take colours that the reference does not use.
+    /// the reference takes the colour of this region. Then the next group takes the colour of another region, and so on. The remaining
+    /// groups take colours that the reference does not use.
     #[must_use]
     pub fn matched(&self, reference: &[u8], labels: &[u8]) -> Self {
         let mut shared = vec![0_usize; 256 * 256];

@@ -29,7 +29,7 @@ pub struct LinePlot {
     pub marks: Vec<(f64, String)>,
 }
 
-/// A line plot as a block of the page. `x` and `y` are the labels of the linear and the logarithmic axis.
+/// A line plot as a block of the page. `x` labels the linear horizontal axis, and `y` the logarithmic vertical axis.
 pub(crate) fn lines([x, y]: [&str; 2], series: Vec<Series>, caption: &str) -> Block {
     let plot =
         LinePlot { x_label: x.into(), y_label: y.into(), logarithmic: true, series, marks: Vec::new() };

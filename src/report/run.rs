@@ -31,7 +31,8 @@ pub struct AnswerPage<'a> {
     pub unit: String,
     /// The contact sheet of all photos; `None` if there are no photos to show.
     pub strip: Option<ContactSheet>,
-    /// Whether a page with the matrix exists beside this page, or will be written. That page shows rows that this page is too small for.
+    /// Whether a page with the matrix exists beside this page, or will be written. That page shows rows of the matrix, for which this page
+    /// is too small.
     pub has_paint: bool,
     pub(crate) files: Files<'a>,
     /// Facts of the verb itself. They are placed after the facts of the rig.

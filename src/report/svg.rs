@@ -1,6 +1,7 @@
 //! A plot as SVG: the frame with grid, labels and legend, and the marks inside the frame.
 //!
-//! Text and lines use the page's text colour (`currentColor`) for light mode, dark mode and print. `plotters` supports only fixed colours.
+//! Text and lines use the page's text colour (`currentColor`) for light mode, dark mode and print. The crate `plotters` is not used, since
+//! it supports only fixed colours.
 
 use std::fmt::Write;
 
@@ -415,7 +416,7 @@ fn along(corners: &[(f64, f64)]) -> impl Iterator<Item = (f64, f64)> {
     })
 }
 
-/// The first of those places that cover the fewest points and notes; `None` if there are no places.
+/// The place that covers the fewest points and notes, or the first such place; `None` if there are no places.
 fn clearest(places: &[Frame], points: &[(f64, f64)], notes: &[Frame]) -> Option<Frame> {
     let hidden = |place: &Frame| {
         let inside =

@@ -3,12 +3,12 @@
 use crate::finding::Ratio;
 pub use crate::finding::decimal;
 
-/// A share as a percentage with three digits, without the unit; `–` if there is nothing to measure.
+/// A fraction as a percentage with three digits, without the unit; `–` if there is nothing to measure.
 pub fn percent(share: impl Into<Ratio>) -> String {
     share.into().percent()
 }
 
-/// A share as a percentage with three digits and the unit, such as `3.14 %`; `–` if there is nothing to measure.
+/// A fraction as a percentage with three digits and the unit, such as `3.14 %`; `–` if there is nothing to measure.
 pub(crate) fn percentage(share: impl Into<Ratio>) -> String {
     let Some(share) = share.into().value() else { return "–".into() };
     let percent = 100.0 * share;

@@ -18,8 +18,8 @@ pub struct Placement {
     pub cores: Vec<usize>,
 }
 
-/// The part of `cores` for process `rank` of the `size` processes with these cores. If there are fewer cores than processes, processes
-/// share a core.
+/// The part of `cores` for process `rank` of the `size` processes that share these cores. If there are fewer cores than processes,
+/// processes share a core.
 fn share(cores: &[usize], rank: usize, size: usize) -> Vec<usize> {
     let first = rank * cores.len() / size;
     let end = ((rank + 1) * cores.len() / size).max(first + 1);
@@ -27,9 +27,9 @@ fn share(cores: &[usize], rank: usize, size: usize) -> Vec<usize> {
 }
 
 /// Divides the cores of each machine among the processes of the team that run on it and may use the same cores, and binds this process to
-/// its part. Returns the placement of each process, by rank. Every process of the team must call it before it starts threads, because
-/// threads inherit the binding. By default, Open MPI binds each process to one core. This function lifts that default binding, but keeps a
-/// binding that the user chose.
+/// its part. Returns the placement of each process, by rank. Every process of the team must call this function before it starts threads,
+/// because threads inherit the binding. By default, Open MPI binds each process to one core. This function lifts that default binding, but
+/// keeps a binding that the user chose.
 pub fn share_cores(comm: &dyn Comm) -> Vec<Placement> {
     keep_cores();
     let (host, cores) = (system::host(), system::cores());
@@ -118,7 +118,7 @@ mod system {
         (0..std::thread::available_parallelism().map_or(1, std::num::NonZero::get)).collect()
     }
 
-    /// This system cannot bind processes to cores.
+    /// Does nothing, because this system cannot bind processes to cores.
     pub(super) fn bind(_cores: &[usize]) -> bool {
         false
     }

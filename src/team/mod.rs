@@ -1,10 +1,10 @@
-//! A team of processes that compute one result together. One process leads. The others hold data that are too large for the leader, and
-//! compute with them.
+//! A team of processes that compute one result together. One process leads. The other processes hold data that are too large for the
+//! leader, and compute with these data.
 //!
-//! The process of rank 0 is the leader. It runs the program as if alone: it prints, writes files and keeps the journal. Each other process
-//! waits for commands in [`serve()`]. A command refers to an *object* of which every process holds a part: a scene on its device, or some
-//! rows of a matrix. The leader refers to an object by a [`Remote`]. When the leader has dropped the `Remote`, the other processes drop
-//! their parts. The caller defines the commands.
+//! The process of rank 0 is the leader. It runs the program as if it were alone: it prints, writes files and keeps the journal. Each other
+//! process waits for commands in [`serve()`]. A command refers to an *object* of which every process holds a part: a scene on its device,
+//! or some rows of a matrix. The leader refers to an object by a [`Remote`]. When the leader has dropped the `Remote`, the other processes
+//! drop their parts. The caller defines the commands.
 //!
 //! Processes exchange messages through a [`Comm`]. They are either MPI processes (feature `mpi`) or threads of one process ([`threads()`]).
 
@@ -73,7 +73,7 @@ pub trait Comm: Send + Sync {
 /// function.
 ///
 /// # Errors
-/// [`Error::Team`] in every process if the programs differ. It names the machines whose program differs from the leader's.
+/// [`Error::Team`] in every process if the programs differ. The error names the machines whose program differs from the leader's.
 pub fn require_same_program(comm: &dyn Comm, placements: &[Placement], program: &str) -> Result<()> {
     let programs = cores::exchange_text(comm, program);
     let host = |rank: usize| placements.get(rank).map_or("", |placement| &placement.host);
@@ -87,13 +87,13 @@ pub fn require_same_program(comm: &dyn Comm, placements: &[Placement], program: 
         .help("start the same program on every machine"))
 }
 
-/// A team, seen from its leader.
+/// The leader's view of a team.
 pub struct Team {
     comm: Arc<dyn Comm>,
     placements: Vec<Placement>,
     /// The number of the next object. The thread that holds this lock is the only one that exchanges messages with the other processes.
     next: Mutex<u64>,
-    /// Objects that the leader has dropped, but the other processes still hold.
+    /// Objects that the leader has dropped, and the other processes still hold.
     released: Mutex<Vec<u64>>,
     has_ended: AtomicBool,
 }
@@ -142,7 +142,7 @@ impl Team {
         Remote { team: Arc::clone(self), id: *next }
     }
 
-    /// Waits until no other thread exchanges messages with the team. Then it tells the other processes to drop the released objects.
+    /// Waits until no other thread exchanges messages with the team. Then tells the other processes to drop the released objects.
     fn turn(&self) -> Turn<'_> {
         let turn = Turn { comm: &*self.comm, _alone: lock(&self.next) };
         for id in std::mem::take(&mut *lock(&self.released)) {
@@ -194,7 +194,7 @@ impl Remote {
 
 impl Drop for Remote {
     fn drop(&mut self) {
-        // A command may be in progress now, so the next command will tell the other processes.
+        // A command may be in progress now, so the other processes learn of the release before the next command.
         lock(&self.team.released).push(self.id);
     }
 }
@@ -253,7 +253,8 @@ pub enum Told<C> {
     Command(u64, C),
 }
 
-/// Serves the leader, the process of rank 0, until the leader ends the team. `told` drops objects and executes commands.
+/// Serves the leader, the process of rank 0, until the leader ends the team. `told` receives all other messages, and drops objects or
+/// executes commands.
 ///
 /// # Panics
 /// If a message cannot be read, because the leader then waits for a reply that this process cannot give.
@@ -284,7 +285,7 @@ pub(crate) fn garbled(why: &str) -> Error {
         .help("start the same program on every machine; if it is, this is a fault in krylux")
 }
 
-/// Sends a value to the leader, or the reason why there is no value.
+/// Sends the leader a value, or the reason why there is no value.
 pub fn answer<T: Serialize>(comm: &dyn Comm, answer: std::result::Result<T, impl ToString>) {
     let answer = answer.map_err(|error| error.to_string());
     // An answer contains no file names, so encoding cannot fail here.
@@ -313,7 +314,7 @@ pub struct Threads {
     from: Vec<Mutex<Inbox>>,
 }
 
-/// Messages from one member. A message that was only looked at is kept until it is received.
+/// Messages from one member. [`Comm::has_message`] moves messages to `waiting`, from which they are received later.
 struct Inbox {
     receiver: Receiver<Vec<u8>>,
     waiting: VecDeque<Vec<u8>>,
@@ -343,7 +344,7 @@ impl Comm for Threads {
     }
 
     fn send(&self, to: usize, message: &[u8]) {
-        // Sending fails only if the other member has ended. It then needs no messages.
+        // Sending fails only if the other member has ended. That member then needs no messages.
         let _ = self.to[to].send(message.to_vec());
     }
 

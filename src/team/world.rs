@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 
 /// The maximum size of one MPI message. MPI counts bytes in 31 bits, so longer messages are sent in pieces.
 const PIECE: usize = 1 << 30;
-/// Message tags. `MORE` means that more pieces follow, and `LAST` marks the last piece.
+/// The tags of messages. `MORE` means that more pieces follow, and `LAST` marks the last piece.
 const MORE: i32 = 1;
 const LAST: i32 = 0;
 
@@ -23,7 +23,7 @@ const LAST: i32 = 0;
 const LOOKS: u32 = 2000;
 const LONGEST_SLEEP: Duration = Duration::from_micros(500);
 
-/// The environment variables that launchers set in each of several processes: Open MPI, PMIx, and MPICH with its relatives.
+/// The environment variables that the launchers of MPI programs set in each process: Open MPI, PMIx, and MPICH with its relatives.
 const LAUNCHERS: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK"];
 
 /// All processes that `mpirun` or `srun` started together. Dropping this value ends MPI.

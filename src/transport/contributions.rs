@@ -1,5 +1,5 @@
-//! The contributions of light paths to the matrix. Each start pixel has a row of contributions, consecutive rows form a chunk, and a share
-//! holds all contributions that one process traced.
+//! The contributions of light paths to the matrix. Each start pixel has a row of contributions, consecutive rows form a `Chunk`, and a
+//! `Share` holds all contributions that one process traced.
 
 use std::ops::{Deref, Range};
 
@@ -35,7 +35,7 @@ impl Key {
         Self(other << Self::CLASS_BITS | class)
     }
 
-    /// The key with this number. A device computed the number.
+    /// The key with this number, which a device computed.
     pub(super) fn of_number(number: u32) -> Self {
         Self(number)
     }
@@ -132,12 +132,12 @@ impl<const C: usize> Term<C> {
     }
 }
 
-/// The terms of a row whose other pixel is in `pixels`. The terms must ascend by key.
+/// The terms of a row for paths whose other end is in `pixels`. The terms must ascend by key.
 pub(super) fn at<'a, const C: usize>(terms: &'a [Term<C>], pixels: &Range<usize>) -> &'a [Term<C>] {
     &terms[places(terms, pixels)]
 }
 
-/// The index range of a row's terms whose other pixel is in `pixels`. The terms must ascend by key.
+/// The index range of a row's terms for paths whose other end is in `pixels`. The terms must ascend by key.
 pub(super) fn places<const C: usize>(terms: &[Term<C>], pixels: &Range<usize>) -> Range<usize> {
     let place = |pixel: usize| terms.partition_point(|term| (term.key.other() as usize) < pixel);
     place(pixels.start)..place(pixels.end)
@@ -146,7 +146,7 @@ pub(super) fn places<const C: usize>(terms: &[Term<C>], pixels: &Range<usize>) -
 /// Chunks whose terms have at least this size in bytes are long.
 const LONG: usize = 4 << 20;
 
-/// Chunks in order. Short chunks are joined into long chunks, whose memory the system gets back when they are freed.
+/// Chunks in path order. Short chunks are joined into long chunks, whose memory the system gets back when they are freed.
 #[derive(Debug)]
 pub(super) struct Chunks<const C: usize> {
     long: Vec<Chunk<C>>,
@@ -208,8 +208,8 @@ impl<const C: usize> Chunk<C> {
         self.rows.iter().zip(starts).map(|(&row, start)| (row, &self.terms[start..row.end]))
     }
 
-    /// Whether the rows belong to different pixels of `pixels`, in ascending order. The keys of each row must ascend, and each key must
-    /// have one of `classes` classes and one of `others` pixels at the other end.
+    /// Whether the rows belong to different pixels of `pixels`, in ascending order. The keys of each row must ascend. The class of each key
+    /// must be below `classes`, and the pixel at the other end must be below `others`.
     pub(super) fn is_of(&self, pixels: &Range<usize>, others: usize, classes: usize) -> bool {
         let is_row = |(row, terms): (Row, &[Term<C>])| {
             pixels.contains(&(row.pixel as usize))
@@ -220,7 +220,7 @@ impl<const C: usize> Chunk<C> {
         self.rows.is_sorted_by(|a, b| a.pixel < b.pixel) && self.rows().all(is_row)
     }
 
-    /// All contributions. Each has its start pixel, whether the start pixel belongs to the camera, its key, and the bits of its values.
+    /// All contributions. Each is given as its start pixel, whether this pixel belongs to the camera, its key, and the bits of its values.
     pub(super) fn contributions(&self) -> impl Iterator<Item = (u32, bool, Key, [[u32; C]; 2])> + '_ {
         self.rows().flat_map(|(row, terms)| {
             terms.iter().map(move |term| {
@@ -234,20 +234,20 @@ impl<const C: usize> Chunk<C> {
 /// The contributions of the light paths from some pixels: from all pixels, or only from the pixels of one process.
 #[derive(Clone, Debug)]
 pub(super) struct Share<const C: usize> {
-    /// Contributions to the matrix in the order of the paths, the camera's pixels first.
+    /// The contributions to the matrix, in the order of the paths. Paths from camera pixels come first.
     pub(super) found: Found<C>,
     /// For each camera pixel, the direct light that returns to the same pixel, with its error. It is empty if the rig is not coaxial.
     pub(super) direct: Vec<Estimates<C>>,
     /// The light that the scene itself emits towards each camera pixel, with its error.
     pub(super) ambient: Vec<Estimates<C>>,
-    /// Whether each endpoint has paths in both halves of the samples. If so, the noise is known.
+    /// Whether each endpoint (camera, projector) has paths in both halves of the samples. Only then can the noise be estimated.
     pub(super) has_halves: bool,
     pub(super) summary: TraceSummary,
 }
 
 impl<const C: usize> Share<C> {
-    /// Traces the paths from `pixels`. If `split` is set, light of two bounces and light of more bounces are separate classes. `steps` are
-    /// the steps in which several processes merge the contributions.
+    /// Traces the paths from `pixels`. If `split` is set, light of two bounces and light of more bounces are separate classes. If several
+    /// processes merge the contributions, `steps` are their merging steps.
     pub(super) fn trace(
         tracer: &mut Tracer,
         settings: &TraceSettings,
@@ -282,14 +282,14 @@ impl<const C: usize> Share<C> {
             Ok(())
         })?;
         let found = rows.close();
-        // The next step, combining the contributions, needs the most memory.
+        // The contributions are merged next, which needs the most memory.
         tracer.release_buffers();
         let direct = if tracer.symmetric(settings) { direct.estimates } else { Vec::new() };
         let ambient = ambient.estimates;
         Ok(Self { found, direct, ambient, has_halves, summary })
     }
 
-    /// Joins the shares of all parts. The parts must be in the order of their pixels. The tracing time is the time of the slowest part.
+    /// Joins the shares of all parts, which must be in the order of their pixels. The tracing time is that of the slowest part.
     pub(super) fn joined(parts: Vec<Self>) -> Self {
         let (mut chunks, mut direct, mut ambient) = (Vec::new(), Vec::new(), Vec::new());
         let (mut has_halves, mut summary) = (true, TraceSummary::default());
@@ -314,7 +314,7 @@ pub(super) struct Found<const C: usize> {
 
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct About {
-    /// The largest exponent of the values and errors of all terms. It determines the unit of exact sums.
+    /// The largest exponent of the values and errors of all terms. It determines the unit of the exact sums over rows.
     pub(super) largest: u32,
     pub(super) of_class: [usize; CLASSES],
 }
@@ -352,7 +352,8 @@ impl<const C: usize> Found<C> {
     }
 }
 
-/// Means and errors (`e` of [`super::Noise`]) per camera pixel and channel, summed in path order for batches of any size.
+/// Means and errors (`e` of [`super::Noise`]) per camera pixel and channel. Samples are added in path order, whatever the sizes of the
+/// batches.
 struct PixelSums<const C: usize> {
     halves: Halves,
     first: usize,
@@ -365,7 +366,7 @@ impl<const C: usize> PixelSums<C> {
         Self { halves: Halves::new(samples, samples), first: pixels.start, estimates }
     }
 
-    /// Adds `sample(path)` for each path of the batch, which starts from one of the pixels. Zeros are skipped.
+    /// Adds `sample(path)` for each path of the batch. All paths must start at pixels of these sums. Zeros are skipped.
     fn add(&mut self, batch: &Batch<'_>, sample: impl Fn(usize) -> [f32; C]) {
         for run in batch.runs() {
             let estimates = &mut self.estimates[run.pixel as usize - self.first];

@@ -1,5 +1,5 @@
-//! Products with their errors, computed by tracing anew. If the seed differs from that of the matrix, the products are independent of the
-//! matrix, so they can show how good a result is that was computed with this matrix.
+//! Products with their errors, computed by tracing anew. If their seed is not that of the matrix, the products are independent of the
+//! matrix, so they can test results that were computed with the matrix.
 
 use rayon::prelude::*;
 
@@ -22,7 +22,7 @@ pub struct EstimatedProduct {
     /// One random draw of the error of each entry. Its mean is 0, and its variance is the variance of the entry of `y` ([`super::Noise`]).
     pub error: Vec<f64>,
     /// For a coaxial rig, the quadratic form that [`Question::shift`] describes, and its standard error. The standard error is estimated
-    /// from one error sum for each pixel.
+    /// from one draw of the error for each start pixel.
     pub quadratic: Option<[f64; 2]>,
 }
 
@@ -31,13 +31,13 @@ pub struct EstimatedProduct {
 pub struct Question<'a> {
     /// The pattern `x`, with an entry for each projector pixel. Entries may be negative.
     pub pattern: &'a [f64],
-    /// The number `s` of the form `xᵀ P x − s xᵀ D x`, where the diagonal matrix `D` has the row sums of `P`. With `s = 0`, the form is the
-    /// Rayleigh quotient of a vector `x` of norm 1. If `s` is a computed eigenvalue of `D⁻¹ P` and `xᵀ D x = 1`, the form is the error of
-    /// `s`.
+    /// The number `s` of the form `xᵀ P x − s xᵀ D x`, where the diagonal matrix `D` has the row sums of `P` on its diagonal. With `s = 0`,
+    /// the form is the Rayleigh quotient of a vector `x` of norm 1. If `s` is a computed eigenvalue of `D⁻¹ P` and `xᵀ D x = 1`, the form
+    /// is the error of `s`.
     pub shift: f64,
 }
 
-/// Sums of squares that measure how close a prediction of a photo is.
+/// Sums of squares that measure how close a prediction is to a photo.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Squares {
     /// The sum of the squared differences between the photo and the prediction.
@@ -73,10 +73,10 @@ impl Squares {
         Self { fourth: [sums.fourth[0], noise * noise * spread], ..sums }
     }
 
-    /// The number of standard errors by which the sum of squared differences exceeds its expectation. The expectation contains the noise of
-    /// the photo, the noise of the prediction, which has `own` times the variance of the photo's noise, and allowed errors of the norm
-    /// `allowed`. The fourth powers account for the heavy tails of light paths, because a sum of squares scatters more if few pixels
-    /// dominate it. A single pixel therefore never causes an excess of more than one standard error.
+    /// The number of standard errors by which the sum of squared differences exceeds its expectation. The expectation has three terms: the
+    /// noise of the photo, the noise of the prediction with `own` times this variance, and allowed errors of the norm `allowed`. The fourth
+    /// powers account for the heavy tails of light paths: a sum of squares scatters more if few pixels dominate it. A single pixel
+    /// therefore never causes an excess of more than one standard error.
     pub fn excess(self, own: f64, allowed: f64) -> f64 {
         let expected = (1.0 + own) * self.noise;
         let excess = self.difference - expected - allowed * allowed;
@@ -84,8 +84,8 @@ impl Squares {
         if excess <= 0.0 || scatter > 0.0 { excess / scatter.max(f64::MIN_POSITIVE) } else { f64::INFINITY }
     }
 
-    /// The smallest relative error of the prediction that this test can detect: for it, [`Squares::excess`] is above `bound` in half of all
-    /// cases. It is infinite if the photo is only noise.
+    /// The smallest relative error of the prediction that this test can detect. With this error, [`Squares::excess`] is above `bound` in
+    /// half of all cases. It is infinite if the photo is only noise.
     pub fn resolution(self, own: f64, bound: f64) -> f64 {
         let size = self.product - self.noise;
         let scatter = (1.0 + own) * (2.0 * self.fourth[1]).sqrt();
@@ -114,10 +114,11 @@ impl std::iter::Sum for Squares {
 
 impl EstimatedProduct {
     /// A sign test of a prediction. At each pixel, the test compares the difference between photo and prediction with a random draw of
-    /// allowed errors. Allowed are the noise of both, errors of the norm `allowed` that are distributed like the noise, and errors of the
-    /// same norm that are distributed evenly. The result is the number of standard errors by which the count of pixels with the larger
-    /// difference exceeds half of all pixels. If the prediction is right, the difference and the draw have the same distribution at each
-    /// pixel, however heavy its tails are. Unlike in sums of squares, a pixel of enormous noise counts only once.
+    /// allowed errors. The allowed errors are the noise of photo and prediction, errors of the norm `allowed` that are distributed like the
+    /// noise, and errors of the same norm that are distributed evenly. The result is the number of standard errors by which the count of
+    /// pixels with the larger difference exceeds half of all pixels. If the prediction is right, the difference and the random draw have
+    /// the same distribution at each pixel, however heavy its tails are. Unlike in sums of squares, a pixel of enormous noise counts only
+    /// once.
     pub fn signs(&self, prediction: &[f64], own: f64, allowed: f64) -> f64 {
         let noise = self.error.iter().map(|error| error * error).sum::<f64>();
         let square = allowed * allowed;
@@ -165,7 +166,7 @@ impl Retraced<'_> {
         }
         let mut found = Vec::with_capacity(asked.len());
         for asked in asked.chunks(TOGETHER) {
-            // The loops are compiled for each number of patterns, so a single pattern costs no more than necessary.
+            // The loops are compiled for several numbers of patterns, so a single pattern costs no more than necessary.
             found.extend(match asked.len() {
                 1 => self.estimated_block::<1>(part, channel, asked)?,
                 2 => self.estimated_block::<2>(part, channel, asked)?,
@@ -337,7 +338,7 @@ impl<const P: usize> WeightSums<P> {
 /// the pixels of a batch.
 struct Stripes<'a, T> {
     mine: Vec<&'a mut [T]>,
-    /// For each stripe of the array, its index in `mine`, or an index beyond its end.
+    /// For each stripe of the array, its index in `mine`. The stripes of other tasks have an index beyond the end of `mine`.
     places: Vec<u32>,
 }
 

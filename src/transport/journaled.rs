@@ -7,8 +7,8 @@ use crate::journal::{Journal, Key, Kind};
 use crate::observer::Observer;
 use crate::operator::{Adjoint, Direction, Operator, Product, Symmetry};
 
-/// An operator that keeps its products in a journal. A product that is in the journal is read instead of computed. Operators of one source
-/// share a journal; the name of an operator states its part of the light and its channel.
+/// An operator that keeps its products in a journal. A product that is in the journal is read instead of computed. All operators of a scene
+/// or matrix share a journal. The name of an operator states its part of the light and its channel.
 pub struct JournaledOperator<'a> {
     journal: &'a mut Journal,
     inner: Option<&'a mut dyn Adjoint>,
@@ -127,7 +127,7 @@ impl<'a> JournaledOperator<'a> {
         Ok(true)
     }
 
-    /// Computes as one block the products whose ascending indices are given.
+    /// Computes the products at the given indices as one block. The indices must ascend.
     fn take(
         &mut self,
         direction: Direction,

@@ -6,7 +6,7 @@ use super::tiles::{CompressedRows, Tiles};
 use crate::error::Result;
 use crate::sparse::Csr;
 
-/// How many times the light of a [`Layer`] was reflected.
+/// The numbers of bounces of the light in a [`Layer`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Bounces {
@@ -20,7 +20,8 @@ pub enum Bounces {
     Global,
 }
 
-/// The part of the transport matrix for some numbers of bounces. It is sparse, with one `f32` weight per entry and channel.
+/// The part of the transport matrix that has the light of some numbers of bounces. It is sparse, with one `f32` weight per entry and
+/// channel.
 #[derive(Clone, Debug)]
 pub struct Layer {
     bounces: Bounces,
@@ -46,7 +47,7 @@ impl Layer {
         Self::of_tiles(bounces, Tiles::new(cols, pieces))
     }
 
-    /// A symmetric layer. The concatenated `pieces` are its rows, from the diagonal to the right.
+    /// A symmetric layer. The concatenated rows of `pieces` have its entries on and above the diagonal.
     pub(crate) fn symmetric(bounces: Bounces, pieces: Vec<CompressedRows>) -> Self {
         Self::of_tiles(bounces, Tiles::symmetric(pieces))
     }

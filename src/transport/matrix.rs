@@ -16,7 +16,7 @@ use crate::image::Resolution;
 use crate::operator::{Adjoint, Direction, Operator, Symmetry};
 use crate::sparse::Csr;
 
-/// The number of rows of a task if the matrix has only a diagonal.
+/// The number of rows that a task multiplies if the matrix has only a diagonal.
 const BAND: usize = 4096;
 
 /// A part of the light, selected by the number of bounces.
@@ -24,9 +24,9 @@ const BAND: usize = 4096;
 pub enum Part {
     /// All light, `A`.
     Full,
-    /// One bounce: a diagonal for a coaxial pinhole rig.
+    /// Light of one bounce. For a coaxial pinhole rig, its matrix is diagonal.
     Direct,
-    /// The light of two and more bounces.
+    /// Light of two and more bounces.
     Global,
 }
 
@@ -59,15 +59,15 @@ pub(super) struct Product {
 pub struct TransportMatrix {
     pub(crate) rig: RigShape,
     pub(crate) channels: Channels,
-    /// The diagonal, `[channel][pixel]`. It is empty if the rig is not coaxial.
+    /// The diagonal, indexed by `[channel][pixel]`. It is empty if the rig is not coaxial.
     pub(crate) direct: Vec<Vec<f32>>,
     pub(crate) layers: Vec<Layer>,
-    /// The rows that this process holds in its layers. It holds all rows, unless the matrix is spread over several processes.
+    /// The rows that this process holds in its layers. These are all rows, unless the matrix is spread over several processes.
     pub(super) rows: Range<usize>,
     pub(super) spread: Option<Arc<Spread>>,
 }
 
-/// Two matrices are equal if their entries are equal to the last bit. Both must have all rows, or both must have the same rows.
+/// Two matrices are equal if their entries are equal to the last bit. Both must also hold the same rows.
 impl PartialEq for TransportMatrix {
     fn eq(&self, other: &Self) -> bool {
         (self.rig, self.channels, &self.rows) == (other.rig, other.channels, &other.rows)
@@ -95,7 +95,7 @@ impl TransportMatrix {
         self.rig.symmetric
     }
 
-    /// One or three channels, each a separate system.
+    /// The one or three channels of the matrix. Each channel is a separate linear system.
     pub fn channels(&self) -> Channels {
         self.channels
     }
@@ -129,9 +129,9 @@ impl TransportMatrix {
     }
 
     /// The sparse layers by number of bounces. The first layer has light of one bounce, unless the diagonal holds all of that light. Light
-    /// of two bounces and light of more bounces follow, in two layers or in one. If the matrix is spread over several processes, all layers
-    /// are collected here first, which takes the memory of the whole matrix. [`Error::Team`](crate::Error::Team) means that another process
-    /// sent something else.
+    /// of two bounces and light of more bounces follow, in two layers or in one. If the matrix is spread over several processes, this
+    /// process first collects all layers, which takes the memory of the whole matrix. [`Error::Team`](crate::Error::Team) means that
+    /// another process sent something other than rows of these layers.
     pub fn layers(&self) -> Result<Cow<'_, [Layer]>> {
         match &self.spread {
             None => Ok(Cow::Borrowed(&self.layers)),
@@ -145,8 +145,8 @@ impl TransportMatrix {
         self.multiply(Product { direction: Direction::Forward, part, channel }, x, y);
     }
 
-    /// `x ← Pᵀ y`, the photo of the dual rig, in which camera and projector are exchanged. `y` has an entry for each camera pixel, and `x`
-    /// for each projector pixel.
+    /// `x ← Pᵀ y` for the `part` `P` of one channel. This is a photo of the dual rig, in which camera and projector are exchanged. `y` has
+    /// an entry for each camera pixel, and `x` for each projector pixel.
     pub fn apply_transpose(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) {
         self.multiply(Product { direction: Direction::Adjoint, part, channel }, y, x);
     }
@@ -217,8 +217,8 @@ impl TransportMatrix {
         });
     }
 
-    /// The Frobenius norm of the `part` of one channel. If several layers have an entry at the same position, their squares are added
-    /// separately. This matters only if single and multiple scattering link the same pixels.
+    /// The Frobenius norm of the `part` of one channel. If several layers have an entry at the same position, each entry is squared on its
+    /// own. The result is then smaller than the norm of the sum of the layers.
     pub fn frobenius_norm(&self, part: Part, channel: usize) -> f64 {
         let mut all = 0.0;
         for (at, layer) in self.layers.iter().enumerate().filter(|(_, layer)| part.has(layer.bounces())) {
@@ -275,7 +275,8 @@ pub struct MatrixOperator<'a> {
 }
 
 impl<'a> MatrixOperator<'a> {
-    /// An operator on the processor. [`super::Assembled::operator`] gives other backends. The channel must be below [`Channels::count`].
+    /// An operator whose products the processor computes. [`super::Assembled::operator`] can also use a device. The channel must be below
+    /// [`Channels::count`].
     pub fn new(matrix: &'a TransportMatrix, part: Part, channel: usize) -> Self {
         Self { matrix, device: None, part, channel }
     }
@@ -355,7 +356,7 @@ pub(super) fn deinterleave(values: &[Interleaved], to: &mut [&mut [f64]]) {
 mod tests {
     use super::*;
 
-    /// The vectors have more entries than two tasks process, and three vectors fill three of four places.
+    /// The vectors are longer than the parts of two tasks. Three vectors fill three of the four places of an element.
     #[test]
     fn vectors_of_several_tasks_are_interleaved_in_their_order() {
         let length = 2 * TASK + 7;

@@ -39,14 +39,14 @@ pub(super) struct Merging<'a, const C: usize> {
     pub(super) squares: EntrySquares,
 }
 
-/// The weight of the square of an entry in the sum over all entries. Over the whole matrix, each entry and its mirror image count once.
+/// The weight of an entry's square in the sum over all entries. With these weights, every entry and every mirror image counts once.
 #[derive(Clone, Copy)]
 pub(super) enum Pairs<'a> {
-    /// The matrix is not symmetric.
+    /// The matrix is not symmetric, so each entry counts once.
     Apart,
-    /// The rows of this step are merged from the columns of this step and of later steps. An entry in a column of a later step counts
-    /// twice, because its mirror image is never merged. Within this step, entries above the diagonal count twice, and those below do not
-    /// count.
+    /// A step merges the entries of its rows in the columns of this step and of later steps. An entry in a column of a later step counts
+    /// twice, because its mirror image is never merged. In columns of this step, entries above the diagonal count twice, and entries below
+    /// it do not count.
     Step(&'a Steps, usize),
 }
 
@@ -63,7 +63,7 @@ impl Pairs<'_> {
 }
 
 impl<'a, const C: usize> Merging<'a, C> {
-    /// Starts at the row of the pixel `first`.
+    /// Starts the merge. The first row belongs to the pixel `first`.
     pub(super) fn new(
         sources: Sources<C>,
         pairs: Pairs<'a>,
@@ -174,7 +174,7 @@ impl<const C: usize> Entry<C> {
 }
 
 impl<'a> Merged<'a> {
-    /// No rows yet, in `layers` layers. Memory for `count` entries is reserved in the last layer, which gets nearly all of them.
+    /// `layers` layers without rows. The last layer reserves memory for `count` entries, because nearly all entries belong to it.
     fn new<const C: usize>(layers: usize, count: usize, pairs: Pairs<'a>) -> Self {
         let room = |layer: usize| if layer + 1 == layers { count } else { 0 };
         let layers = (0..layers).map(|layer| CompressedRows::with_room(C, ROWS_PER_TASK, room(layer)));
@@ -209,7 +209,7 @@ impl<'a> Merged<'a> {
             layer.weights.iter_mut().zip(sum).for_each(|(plane, [mean, _])| plane.push(mean as f32));
         });
         self.count(row, &entry);
-        // If `direct` is still there, the diagonal entry of this row has no other light.
+        // A remaining `direct` means that the diagonal entry of this row has only direct light.
         if direct.is_some() {
             self.count(row, &Entry::new(row, direct));
         }
@@ -233,9 +233,9 @@ impl<'a> Merged<'a> {
     }
 }
 
-/// Calls `visit` in ascending order with each key that occurs in a row of the contributions or in the same row of their transpose, and with
-/// the sum of its one or two terms. An entry of the matrix and its mirror image are sums of the same two numbers, so they agree to the last
-/// bit.
+/// Calls `visit` with each key that occurs in a row of the contributions (`own`) or in the same row of their transpose (`mirrored`), in
+/// ascending order, and with the sum of its one or two terms. An entry of the matrix and its mirror image are sums of the same two numbers,
+/// so they agree to the last bit.
 fn each_key<const C: usize>(own: &[Term<C>], mirrored: &[Term<C>], mut visit: impl FnMut(Key, Estimates<C>)) {
     let nothing = Term::none(Key::END);
     let (mut first, mut second) = (0, 0);
@@ -245,7 +245,7 @@ fn each_key<const C: usize>(own: &[Term<C>], mirrored: &[Term<C>], mut visit: im
         if key == Key::END {
             return;
         }
-        // Either key may be the smaller one, at random, so a branch would often be mispredicted.
+        // Which of the two next terms has the smaller key is random, so a branch would often be mispredicted.
         let has = next.map(|term| term.key == key);
         let [a, b] = [0, 1].map(|which| if has[which] { next[which] } else { &nothing });
         visit(
@@ -280,7 +280,7 @@ mod tests {
         assert_eq!(blocks(&[half, half, 1, half, half - 1, half, 2], 1..4), [1..3, 3..4]);
         assert_eq!(blocks(&[3 * half, 3 * half, 1, 0, 3 * half, 0], 0..6), [0..1, 1..2, 2..4, 4..5, 5..6]);
         assert_eq!(blocks(&[0, 0], 0..2), vec![0..2]);
-        // A large matrix has larger blocks: at most 48, each with a 48th of all contributions, minus at most one row.
+        // A large matrix has larger blocks. There are at most 48, and each has a 48th of all contributions, or less by at most one row.
         let large = blocks(&[half; 480], 0..480);
         assert!(large.iter().all(|block| block.len() == 10) && large.len() == 48, "{large:?}");
     }
@@ -292,7 +292,7 @@ mod tests {
         let size = crate::image::Resolution::new(8, 1);
         let rig = RigShape { camera: size, projector: size, symmetric: true };
         assert_eq!(times(Pairs::Step(&Steps::one(rig), 0)), [1.0, 2.0, 0.0]);
-        // The pixels 0, 1, 4 and 5 are merged in the first step.
+        // The first step merges the rows of the pixels 0, 1, 4 and 5.
         let steps = Steps::new(rig, vec![vec![0..2, 2..4], vec![4..6, 6..8]]);
         let of_step = |step, row, column| Pairs::Step(&steps, step).times(row, column);
         assert_eq!([of_step(0, 5, 3), of_step(0, 5, 1), of_step(1, 6, 3)], [2.0, 0.0, 0.0]);

@@ -4,10 +4,10 @@
 //! product with it ([`Assembled`]). [`Retraced`] traces anew for each photo and keeps nothing, so it is a black box to check the matrix
 //! against. For equal settings, both apply the same matrix `Â`, up to rounding. [`predict`] tells whether the matrix will fit into memory.
 //!
-//! The values of the paths are summed for each pair of pixels as the paths come in (`rows`). Memory therefore grows with the entries of the
-//! matrix, not with the number of samples. Then these sums are merged into the rows of the matrix, block by block (`merging`), and the rows
-//! are cut into `tiles` for fast products. For a coaxial rig, only the triangle on and above the diagonal is computed and then mirrored, so
-//! the matrix is symmetric to the last bit. For any other rig, the matrix has a row for each camera pixel and a column for each projector
+//! While the paths arrive, their values are summed for each pair of pixels (`rows`). Memory therefore grows with the entries of the matrix,
+//! not with the number of samples. Then these sums are merged into the rows of the matrix, block by block (`merging`), and the rows are cut
+//! into `tiles` for fast products. For a coaxial rig, only the triangle on and above the diagonal is computed and then mirrored, so the
+//! matrix is symmetric to the last bit. For any other rig, the matrix has a row for each camera pixel and a column for each projector
 //! pixel, and its transpose is the matrix of the dual rig, in which camera and projector are exchanged. On a GPU with enough memory, the
 //! matrix stays on the device, which then computes the products ([`Backend`]). The difference between two independent halves of the samples
 //! gives the standard error of `Â` ([`Noise`]).
@@ -194,7 +194,7 @@ pub(crate) fn luminance([red, green, blue]: [f32; 3]) -> f32 {
     red * SHARES[0] + green * SHARES[1] + blue * SHARES[2]
 }
 
-/// The channels of a colour: its luminance alone, or all three.
+/// Converts a colour to channels: its luminance alone, or all three channels.
 fn project<const C: usize>(rgb: [f32; 3]) -> [f32; C] {
     std::array::from_fn(|channel| if C == 1 { luminance(rgb) } else { rgb[channel] })
 }

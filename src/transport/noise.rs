@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::image::{Blur, Image};
 
-/// The standard deviation in pixels of the Gaussian that averages the squared errors around a pixel. It averages about 28 squares.
+/// The standard deviation in pixels of the Gaussian that averages the squared errors around a pixel. The average covers about 28 squares.
 const POOLED: f64 = 1.5;
 
 /// The noise of an estimate `Â = (n₁ Â₁ + n₂ Â₂)/N` from `N = n₁ + n₂` samples per pixel in two independent halves.
@@ -32,7 +32,7 @@ impl From<&Noise> for crate::io::manifest::Noise {
 /// A mean and its error (`e` of [`Noise`]) in each of `C` channels.
 pub(super) type Estimates<const C: usize> = [[f64; 2]; C];
 
-/// The weights of samples from the two halves. Weighted samples sum to a mean and its error.
+/// The weights of samples from the two halves. The weighted samples sum to a mean and its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Halves {
     mean: f64,
@@ -52,7 +52,7 @@ impl Halves {
         Self { mean, error }
     }
 
-    /// The weight of a sample in the mean, then the weights in the error of a sample of the first half and of the second half.
+    /// Three weights of a sample: in the mean, in the error if it is of the first half, and in the error if it is of the second half.
     pub(super) fn weights(self) -> [f64; 3] {
         [self.mean, self.error[0], self.error[1]]
     }
@@ -99,13 +99,13 @@ pub(super) fn relative(error_squares: f64, value_squares: f64) -> f64 {
 }
 
 /// The sums of the squares of values and errors over all entries of the matrix, including the diagonal. Their bits do not depend on the
-/// order of the entries, so each process and each thread adds the entries that it merges.
+/// order of the entries, so each process and each thread can add the entries that it merges.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct EntrySquares {
     /// The sums over entries without light of one bounce, which are nearly all entries.
     indirect: [ExactSum; 2],
-    /// For entries with light of one bounce: the sums for all light of these entries. The next member has the sums for their light of two
-    /// or more bounces.
+    /// The sums over entries with light of one bounce, for all their light. `beside_direct` has the sums for their light of two or more
+    /// bounces.
     direct: [ExactSum; 2],
     beside_direct: [ExactSum; 2],
 }
@@ -283,7 +283,7 @@ mod tests {
 
     #[test]
     fn a_projectors_paths_are_divided_by_the_cameras_samples() {
-        // Sums over four paths are divided by the camera's eight samples, so mean and error are half as large as with a division by four.
+        // A sum over four paths is divided by the camera's eight samples, so mean and error are half as large as with a division by four.
         let [mean, error] = estimate(Halves::new(8, 4), [&[1.0, 3.0], &[0.0, 0.0]]);
         assert_eq!([mean, error], [0.5, 0.5]);
     }

@@ -66,7 +66,8 @@ impl Retraced<'_> {
         }
     }
 
-    /// Traces, and returns the photo under the pattern `lit`, pixel by pixel. `project` converts the colour of a connection to channels.
+    /// Traces the scene, and returns the photo under the pattern `lit`, pixel by pixel. `project` converts the colour of a connection to
+    /// channels.
     fn trace<const C: usize, T: Tally>(
         &mut self,
         way: Way,
@@ -79,7 +80,7 @@ impl Retraced<'_> {
         Ok(seen)
     }
 
-    /// Traces, and passes the contributions of each batch to `add`, in path order.
+    /// Traces the scene, and passes the contributions of each batch to `add`, in path order.
     pub(super) fn each<const C: usize>(
         &mut self,
         way: Way,
@@ -87,10 +88,10 @@ impl Retraced<'_> {
         add: &mut (impl FnMut(&Contributions<C>) + Send),
     ) -> Result<()> {
         let samples = self.settings.samples;
-        // The contributions of the previous batch. They are read, but not yet summed.
+        // The contributions of the previous batch, which have been read but not yet summed.
         let mut last: Option<Contributions<C>> = None;
         spread::trace(self.tracer, &self.settings, &mut |batch| {
-            // One core sums the contributions in path order. Meanwhile the other cores read the next batch, which takes longer.
+            // One core sums the contributions in path order. Meanwhile, the other cores read the next batch. Reading takes longer.
             let (read, ()) = rayon::join(
                 || Contributions::read(batch, samples, way, &project),
                 || last.iter().for_each(&mut *add),
@@ -215,7 +216,8 @@ pub(super) struct Contributions<const C: usize> {
 
 const RUNS: usize = 16;
 
-/// The kind of a contribution, as bits above the bits of the pixel: direct light, ambient light, or a connection, which has neither bit.
+/// The bits above the number of the pixel, which give the kind of a contribution: direct light, ambient light, or neither bit for a
+/// connection.
 const DIRECT: u32 = 1 << 30;
 const AMBIENT: u32 = 1 << 31;
 
@@ -274,7 +276,8 @@ impl<const C: usize> Contributions<C> {
     }
 }
 
-/// The nonzero contributions of the paths of some runs. Each has its kind, the pixel at its other end, and its value.
+/// The nonzero contributions of the paths of some runs. A contribution has its kind together with the pixel at its other end, and its
+/// value.
 struct Read<const C: usize> {
     /// Each run, with the end index of its contributions.
     runs: Vec<(Run, usize)>,
@@ -293,9 +296,10 @@ impl<const C: usize> Read<C> {
         let mut end = 0;
         let mut ends = Vec::with_capacity(runs.len());
         for run in runs {
-            // No path has more contributions than slots.
+            // The stride of the batch is the maximum number of contributions of a path.
             found.resize(end + run.paths.len() * batch.stride(), (0, [0.0; C]));
-            // A contribution that does not count is also written, and then overwritten: a branch would delay the load of the next record.
+            // A contribution that does not count or has no light is also written, but the next one overwrites it. A branch would delay the
+            // load of the next record.
             let mut keep = |counts: bool, other: u32, color: [f32; 3]| {
                 let value = project(color);
                 found[end] = (other, value);

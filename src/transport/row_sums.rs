@@ -6,11 +6,11 @@ use super::RigShape;
 use super::contributions::{Chunk, Row, Term};
 use super::noise::Estimates;
 
-/// Values are summed exactly if their exponent is at most this much below the largest exponent. Of smaller values, the bits below one unit
-/// of the sum are lost.
+/// Values are summed exactly if their exponent is at most this much below the largest exponent. Smaller values lose their bits below one
+/// unit of the sum.
 const POWERS: u32 = 70;
 
-/// The unit of sums is a power of two. It depends only on the largest of all values, so a sum does not depend on the order of its terms.
+/// The unit of the sums, a power of two. It depends only on the largest of all values, so a sum does not depend on the order of its terms.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
     lowest: u32,
@@ -30,7 +30,7 @@ pub(super) fn largest_exponent<const C: usize>(term: &Term<C>) -> u32 {
 }
 
 impl Scale {
-    /// The unit for sums of values, if `largest` has the exponent bits of the largest value.
+    /// The unit for sums of values. `largest` has the exponent bits of the largest value.
     pub(super) fn new(largest: u32) -> Self {
         Self { lowest: largest.saturating_sub(POWERS).max(1), is_finite: largest < 0xff }
     }
@@ -84,14 +84,15 @@ pub(super) fn with_direct<const C: usize>(
     sums
 }
 
-/// The partial sums of all tasks together take at most one part in this many of the memory of the contributions.
+/// The partial sums of several tasks together take at most `1/MEMORY_SHARE` of the memory of the contributions. A single task may take
+/// more.
 const MEMORY_SHARE: usize = 4;
 
 /// The number of pixels in a stripe. The sums of one stripe are close together in memory.
 const STRIPE: usize = 1 << 14;
 
-/// For each row, the sum of the values and of the errors of all paths in these chunks that start or end at the pixel of the row. The
-/// diagonal's direct light is not included.
+/// For each row, the sums of the values and of the errors of all paths in these chunks that start or end at the pixel of the row. The
+/// direct light on the diagonal is not included.
 pub(super) fn row_sums<const C: usize>(
     chunks: &[&Chunk<C>],
     rig: RigShape,
@@ -108,7 +109,8 @@ pub(super) fn row_sums<const C: usize>(
         let mut left: Vec<(Row, &[Term<C>])> = Vec::new();
         let mut before = 0;
         for chunk in chunks {
-            // The contributions are cut into equal shares. A row belongs to the task whose share contains the end of the row.
+            // The contributions are cut into equal parts, one for each task. A row belongs to the task whose part contains the end of the
+            // row.
             let [first, end] = share.map(|share| chunk.rows.partition_point(|row| before + row.end <= share));
             left.extend((first..end).map(|row| (chunk.rows[row], chunk.row(row))));
             before += chunk.terms.len();
@@ -132,7 +134,7 @@ struct Partial<const C: usize> {
 }
 
 impl<const C: usize> Partial<C> {
-    /// Adds these contributions. End pixels are processed stripe by stripe.
+    /// Adds these contributions, one stripe of end pixels after the other.
     fn add_all(&mut self, mut left: Vec<(Row, &[Term<C>])>) {
         let pixels = self.rig.camera.pixels().max(self.rig.projector.pixels());
         for stripe in (STRIPE..pixels).step_by(STRIPE) {
@@ -186,7 +188,7 @@ mod tests {
         };
         let found = sum(&mut values.iter().copied());
         assert_eq!(found, sum(&mut values.iter().rev().copied()));
-        // The last value is smaller than the unit.
+        // The last value is smaller than the unit, so it is lost.
         assert_eq!(found[0][0], 0.25 + 2_f64.powi(-39) - f64::from(3e-9_f32));
         assert_eq!(found[0][1], -found[0][0]);
         assert!(Scale::new(exponent(f32::NAN)).sums(&FixedSums::<1>::default())[0][0].is_nan());

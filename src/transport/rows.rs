@@ -8,7 +8,7 @@ use super::project;
 use super::spread::Steps;
 use crate::render::{Batch, End, Merged, Run, class};
 
-/// The number of parts per thread into which the terms of a dispatch are divided.
+/// The terms of a dispatch are divided into this many parts per thread.
 const PARTS_OF_THREAD: usize = 4;
 
 const PIXELS_PER_TASK: usize = 16;
@@ -26,7 +26,7 @@ pub(super) struct Rows<'a, const C: usize> {
 }
 
 struct Task<const C: usize> {
-    /// The finished pixels of each step.
+    /// For each merging step, the sums of the finished pixels.
     finished: Vec<Growing<C>>,
     about: About,
     /// Reusable memory for the connections of one pixel, and for sorting them.
@@ -54,7 +54,7 @@ struct Start {
     paths: u32,
 }
 
-/// One connection: its colour, the pixel at the other end of its path, and the half of the samples.
+/// One connection: its colour, the pixel at the other end of its path, and the half of the samples to which the path belongs.
 #[derive(Clone, Copy, Debug)]
 struct Entry<const C: usize> {
     key: Key,
@@ -123,8 +123,8 @@ impl<'a, const C: usize> Rows<'a, C> {
                 paths.ends_of(run, |end| {
                     let value = project(end.value);
                     let is_light = value.iter().fold(false, |any, &value| any | (value != 0.0));
-                    // A connection that does not count is also written, and then overwritten: a branch would delay the load of the next
-                    // record.
+                    // A connection that is not seen or has no light is also written, but the next one overwrites it. A branch would delay
+                    // the load of the next record.
                     let key = Key::new(end.pixel, class(end.bounces, self.split)).of_half(run.half);
                     entries[count] = Entry { key, value };
                     count += usize::from(end.is_seen & is_light);
@@ -200,13 +200,13 @@ impl<'a, const C: usize> Rows<'a, C> {
         self.about = self.about.and(about);
     }
 
-    /// Sums the contributions of a complete pixel, which are the first `count` entries of the task. For each step, the sums are appended as
-    /// a row to the task's chunk. Empty rows are left out.
+    /// Sums the contributions of a complete pixel, which are the first `count` entries of the task. For each merging step, the sums become
+    /// a row of the task's chunk. Empty rows are left out.
     fn finish(&self, start: Start, count: usize, task: &mut Task<C>) {
         let Task { finished, about, entries, spare } = task;
         let halves = Halves::new(self.samples, start.paths);
         let position = |entry: &Entry<C>| entry.key.position();
-        // The sort is stable: contributions to one position stay in path order.
+        // The sort is stable, so contributions to the same position stay in path order.
         sort_by_number(&mut entries[..count], spare, |entry| position(entry).number());
         for run in entries[..count].chunk_by(|a, b| position(a) == position(b)) {
             let mut estimates = [[0.0_f64; 2]; C];
@@ -288,10 +288,11 @@ impl Paths for Given<'_> {
     }
 }
 
-/// The fewest elements that are sorted by digits. Sorting fewer elements by comparisons takes less time than the counters of a digit.
+/// The minimum number of elements to sort by digits. Fewer elements are sorted by comparisons in less time than the counters of a digit
+/// take.
 const FEWEST: usize = 48;
 
-/// The maximum number of bits of a digit. Its counters take a small part of the first-level cache, and are quickly summed.
+/// The maximum number of bits of a digit. The counters of such a digit take a small part of the first-level cache, and are quickly summed.
 const MOST_BITS: u32 = 8;
 
 /// Sorts a few hundred elements by a small number, digit by digit. Elements of equal numbers keep their order. `spare` is reusable memory.
@@ -299,7 +300,7 @@ fn sort_by_number<T: Copy>(elements: &mut [T], spare: &mut Vec<T>, number: impl 
     if elements.len() < FEWEST {
         return elements.sort_by_key(number);
     }
-    // Only the bits that differ between the numbers are sorted by.
+    // Sorting needs only the bits in which the numbers differ.
     let first = number(&elements[0]);
     let differing = elements.iter().fold(0, |bits, element| bits | (number(element) ^ first));
     if differing == 0 {

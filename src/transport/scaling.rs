@@ -43,8 +43,8 @@ pub struct Prediction {
     pub bytes: f64,
 }
 
-/// Predicts the memory for [`super::assemble()`]. If an upper bound of it exceeds `limit` bytes, a pilot of at most 64×64 pixels with one
-/// path each is traced, and the tracer's observer sees its steps. The call fails like [`Tracer::trace`].
+/// Predicts the memory for [`super::assemble()`]. If a bound from the settings alone exceeds `limit` bytes, a pilot of at most 64×64 pixels
+/// with one path each is traced, and the tracer's observer sees its steps. The call fails like [`Tracer::trace`].
 pub fn predict(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -53,7 +53,7 @@ pub fn predict(
 ) -> Result<Prediction> {
     let symmetric = tracer.symmetric(settings);
     let predict = |per_path| prediction(per_path, settings, channels, symmetric);
-    // A path has at most two connections from each surface: a plain one, and a gathered one through a specular chain.
+    // A path has at most two connections at each surface: a plain one, and one that is gathered through a chain of specular surfaces.
     let most = predict(2.0 * f64::from(settings.max_bounces));
     if most.bytes <= limit as f64 {
         return Ok(most);
@@ -63,7 +63,7 @@ pub fn predict(
     Ok(predict(1.05 * per_path))
 }
 
-/// The largest share of all rows that become tiles at the same time, on up to four cores.
+/// The largest fraction of all rows that becomes tiles at the same time, on up to four cores.
 const LARGEST_GROUP: f64 = 0.125;
 
 fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels, symmetric: bool) -> Prediction {
@@ -72,7 +72,8 @@ fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels, symme
     let paths = pixels * f64::from(settings.samples);
     let channels = channels.count() as f64;
     let pairs = pixels * projector;
-    // Either paths come from both endpoints, or each connection has a mirror image. There cannot be more entries than pairs of pixels.
+    // Paths of one endpoint give these entries. The other endpoint, or the mirror images in a coaxial rig, gives as many again. There
+    // cannot be more entries than pairs of pixels.
     let from_one_end = (per_path * paths).min(pairs);
     let rows = if symmetric { from_one_end } else { 2.0 * from_one_end };
     // While entries are summed pixel by pixel, each has a key, a mean and an error. In tiles, each entry has a 16-bit column and a weight;
@@ -81,7 +82,7 @@ fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels, symme
     let entries = (2.0 * from_one_end).min(pairs);
     let (found, tiles) = (rows * (4.0 + 8.0 * channels), entries * (5.0 + 4.0 * channels));
     let group = LARGEST_GROUP * entries * 2.0 * (4.0 + 4.0 * channels);
-    // In a triangle, contributions are freed while the tiles grow.
+    // For a coaxial rig, contributions are freed while the tiles grow.
     let bytes = group + if symmetric { found.max(tiles) } else { found + tiles };
     Prediction { connections: per_path * paths * if symmetric { 1.0 } else { 2.0 }, bytes }
 }
@@ -98,19 +99,19 @@ pub fn photo_bytes(settings: &TraceSettings, channels: Channels) -> u64 {
     (128 << 20) + per_pixel * camera.max(projector)
 }
 
-/// The maximum number of pixels on the longer side of the probe's trace, and its maximum number of samples.
+/// The limits of the probe's trace: the number of pixels on its longer side, and the number of samples.
 const SIDE: usize = 128;
 const SAMPLES: u32 = 64;
 const REPEATS: u32 = 5;
-/// The entries of the timed vectors, which are too long for the caches.
+/// The number of entries of the timed vectors, which do not fit into the caches.
 const LONG: usize = 1 << 21;
 
 /// The memory in bytes of a process without a matrix: the program, software Vulkan and its kernels. Measured on Debian 12.
 const BASE: f64 = 130e6;
-/// The share of all rows that are merged and become tiles at the same time.
+/// The fraction of all rows that is merged and becomes tiles at the same time.
 const GROUP: f64 = 1.0 / 16.0;
-/// The peak of memory relative to the arrays in use at that time. It exceeds 1 because allocators keep freed memory. With 512x512 pixels
-/// and 256 samples, 1.0 was measured in a single process, and 0.9 to 1.1 in each of four processes.
+/// The ratio of peak memory to the size of the arrays in use at that time. It exceeds 1 because allocators keep freed memory. With 512x512
+/// pixels and 256 samples, ratios of 1.0 in a single process and of 0.9 to 1.1 in each of four processes were measured.
 const SLACK: f64 = 1.1;
 
 /// The measured constants of a scene on this machine. Times are those of all cores of this process together.
@@ -120,8 +121,8 @@ pub struct Probe {
     pub path: f64,
     /// Connections of a light path.
     pub connections: f64,
-    /// The share of all pixels that the paths of a pixel reach, if all reached pixels are taken to be equally likely. It determines how
-    /// many connections share an entry.
+    /// The fraction of all pixels that the paths of a pixel reach, under the assumption that they reach these pixels equally often. It
+    /// determines how many connections add to the same entry.
     pub reached: f64,
     /// Seconds to merge an entry into the matrix.
     pub merge: f64,
@@ -140,7 +141,8 @@ pub struct Network {
     pub latency: f64,
 }
 
-/// The time in seconds and the memory in bytes of a computation on several processes. Each process is like that of the probe.
+/// The time in seconds and the memory in bytes of a computation on several processes. Each process is assumed to be as fast as the process
+/// of the probe.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Scaled {
     /// The number of processes.
@@ -239,7 +241,8 @@ impl Probe {
         let projector = settings.projector.unwrap_or(settings.resolution).pixels() as f64;
         let (channels, photos, count) = (channels.count() as f64, photos as f64, processes as f64);
         let paths = camera * f64::from(settings.samples) * if symmetric { 1.0 } else { 2.0 };
-        // The number of entries in one row. In a coaxial rig, half of the contributions are mirror images.
+        // The number of entries in a row from the paths of `times` endpoints. In a coaxial rig, the mirror images count as a second
+        // endpoint.
         let of_row = |times: f64| {
             let reached = (self.reached * projector).max(1.0);
             reached * (1.0 - (-times * self.connections * f64::from(settings.samples) / reached).exp())
@@ -249,14 +252,16 @@ impl Probe {
         let contribution = 4.0 + 8.0 * channels;
         let entry = 4.0 + 4.0 * channels;
         let away = (count - 1.0) / count;
-        // In tiles, columns take half the memory, and padding takes a twentieth. A group that becomes tiles is in memory two more times.
+        // In tiles, columns take half the memory, and padding adds a twentieth. A group of rows that becomes tiles is in memory two more
+        // times.
         let tiled = entries / count * (1.05 * (entry - 2.0));
         let group = GROUP * entries / count * 2.0 * entry;
         let own = found / count * contribution;
         let memory = if processes == 1 && !symmetric {
             group + tiled + own
         } else {
-            // Contributions are freed while the tiles grow. Those of one step are in memory three more times: as sent, received and merged.
+            // Contributions are freed while the tiles grow. The contributions of one step are in memory three more times: as sent, as
+            // received and as merged.
             group + tiled.max(own) + 3.0 * own * away * GROUP
         };
         let message = |bytes: f64, steps: f64| steps * (bytes / network.bandwidth + network.latency);
@@ -279,8 +284,8 @@ impl Probe {
     }
 }
 
-/// The share of the `ends` pixels that a pixel's paths can reach. All reachable pixels are taken to be equally likely, and `connections`
-/// connections hit `found` different ones.
+/// The fraction of the `ends` pixels that a pixel's paths can reach, if `connections` connections hit `found` different pixels. All
+/// reachable pixels are assumed to be equally likely.
 fn reached(connections: f64, found: f64, ends: f64) -> f64 {
     let hit = |share: f64| {
         let reached = share * ends;
@@ -370,13 +375,15 @@ mod tests {
         let projector = Some(Resolution::new(20, 10));
         let settings = TraceSettings { projector, ..TraceSettings::new(Resolution::new(10, 10), 4) };
         let scaled = probe.scaled(&settings, Channels::Rgb, false, 6, (4, network));
-        // A row reaches 50 of 200 pixels. 12 connections of the row's own paths hit them, and 12 connections of the projector's paths.
+        // A row reaches 50 of 200 pixels. They are hit at random by 24 connections: 12 of camera paths and 12 of projector paths.
         let entries = 100.0 * 50.0 * (1.0 - (-24.0_f64 / 50.0).exp());
         let found = 2.0 * 100.0 * 50.0 * (1.0 - (-12.0_f64 / 50.0).exp());
-        // A contribution takes 4 bytes for its position and 24 for its values. A matrix entry takes 4 and 12 bytes, and in a tile 2 and 12.
+        // A contribution takes 4 bytes for its position and 24 for its values. A matrix entry takes 4 bytes for its column and 12 for its
+        // weights, and in a tile 2 and 12 bytes.
         let (own, tiled) = (28.0 * found / 4.0, 1.05 * 14.0 * entries / 4.0);
         assert!(own > tiled, "contributions are the larger of the two");
-        // A sixteenth of the rows is merged and becomes tiles at a time. Three quarters of their contributions come from other processes.
+        // One sixteenth of the rows at a time is merged and becomes tiles. Three quarters of the contributions to these rows come from
+        // other processes.
         let memory = own + 2.0 * 16.0 * entries / 4.0 / 16.0 + 3.0 * own * 0.75 / 16.0;
         let expected = [
             (scaled.entries, entries),
@@ -402,7 +409,8 @@ mod tests {
         assert!((scaled.seconds() - seconds).abs() <= 1e-12 * seconds);
     }
 
-    /// One process of a coaxial rig keeps contributions to the triangle (12 bytes each) until they become tiles (6 bytes for each entry).
+    /// For a coaxial rig, a single process keeps contributions to the triangle (12 bytes each) until they become tiles (6 bytes for each
+    /// entry).
     #[test]
     fn one_process_holds_contributions_or_tiles_whichever_are_more() {
         let (side, samples, of_row) = (512.0_f64 * 512.0, 256.0, 0.5 * 512.0 * 512.0);
@@ -432,7 +440,7 @@ mod tests {
         assert_eq!(bytes(16, 1 << 20), 65536.0 * (12.0 + 2.0), "no more than every pair of pixels");
     }
 
-    /// There are three connections per path, two samples, and 8×4 by 16×4 pixels in color. This gives 192 connections from each endpoint,
+    /// The rig has three connections per path, two samples, and 8×4 by 16×4 pixels in color. This gives 192 connections from each endpoint,
     /// in 2048 pairs of pixels.
     #[test]
     fn a_rig_apart_holds_contributions_of_both_ends_and_the_tiles() {

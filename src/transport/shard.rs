@@ -1,7 +1,8 @@
-//! A shard is a part of a matrix: the light paths from some pixels, traced separately. All shards together give the matrix.
+//! A shard is a part of a matrix: the contributions of the light paths from some pixels, traced separately. All shards together give the
+//! matrix.
 //!
 //! A matrix is the sum over its light paths, pixel by pixel. Each of several independent machines traces the paths from some of the pixels.
-//! In the order of the pixels, their contributions equal those that a single machine would combine, so the matrix has the same bits.
+//! Joined in the order of the pixels, the contributions are those that a single machine would trace, so the matrix has the same bits.
 
 use std::io::{self, Read, Write};
 
@@ -21,7 +22,7 @@ pub const MOST_PARTS: usize = 1 << 16;
 /// The maximum length of a side of a camera or projector in pixels, as in [`TraceSettings::check`].
 const LONGEST_SIDE: usize = 16384;
 
-/// Everything that describes a shard, without its contributions.
+/// The description of a shard, without its contributions.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct ShardRecord {
     /// The number of this part, from 1 to `parts`.
@@ -36,7 +37,7 @@ pub struct ShardRecord {
     pub split: bool,
     /// The pixels whose paths the shard contains.
     pub pixels: StartPixels,
-    /// Whether each endpoint has paths in both halves of the samples. If so, the noise is known.
+    /// Whether each endpoint (camera, projector) has paths in both halves of the samples. Only then can the noise be estimated.
     pub has_halves: bool,
     /// The cost of tracing.
     pub summary: TraceSummary,
@@ -86,8 +87,8 @@ pub fn trace_shard(
     Ok(Shard { record, share })
 }
 
-/// The matrix of all shards. The shards may be in any order. The matrix has the same bits as that of
-/// [`assemble_layers`](super::assemble_layers). Its tracing time is the time of the slowest shard.
+/// Joins all shards, in any order, to a matrix. The matrix has the same bits as that of [`assemble_layers`](super::assemble_layers). Its
+/// tracing time is the time of the slowest shard.
 ///
 /// # Errors
 /// [`Error::Dimension`] unless the shards are all parts of one matrix, each exactly once.

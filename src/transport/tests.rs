@@ -1,4 +1,4 @@
-//! Tests of rows and matrices that are made of synthetic paths, for rigs that no shipped scene has.
+//! Tests of rows and matrices that are built from synthetic paths. The rigs are unlike those of the shipped scenes.
 
 mod costs;
 mod device;
@@ -18,7 +18,8 @@ use crate::operator::{Adjoint, Operator};
 use crate::render::{Connection, StartPixels};
 use crate::team::{Comm, Threads, threads};
 
-/// The paths from the pixels of one endpoint. Each path has its start pixel, its half of the samples, and its connections.
+/// The paths from the pixels of one endpoint (camera or projector). Each path has its start pixel, its half of the samples, and its
+/// connections.
 type Paths = Vec<(u32, usize, Vec<Connection>)>;
 
 const SAMPLES: u32 = 4;
@@ -89,7 +90,7 @@ fn matrix(rig: RigShape, paths: &[Paths], split: bool) -> TransportMatrix {
     TransportMatrix::new(rig, Channels::Luma, vec![Vec::new()], layers(found(paths, split, None), rig, split))
 }
 
-/// The dense matrix of these paths. A connection adds to its entry, and for a coaxial rig also to the mirrored entry.
+/// The dense matrix of these paths. A connection adds to its entry, and for a coaxial rig also to the mirror image of this entry.
 fn dense(rig: RigShape, paths: &[Paths], part: Part) -> Vec<f64> {
     let columns = rig.projector.pixels();
     let mut dense = vec![0.0; rig.camera.pixels() * columns];
@@ -120,7 +121,7 @@ fn with_lens() -> (RigShape, Vec<Paths>) {
     (rig, vec![from_camera(&mut Pcg64::seed_from_u64(4), 30, 30, 4)])
 }
 
-/// A rig with more pixels than the rows that become tiles at the same time.
+/// A rig with more rows than become tiles at the same time.
 fn of_many_pixels() -> (RigShape, Vec<Paths>) {
     let resolution = Resolution::new(260, 130);
     let rig = RigShape { camera: resolution, projector: resolution, symmetric: true };
@@ -166,8 +167,8 @@ fn the_transpose_is_the_dual_rig() {
             let (mut av, mut atu) = (vec![f64::NAN; 15], vec![f64::NAN; 28]);
             assert!(operator.apply(&v, &mut av).is_ok() && operator.apply_adjoint(&u, &mut atu).is_ok());
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-            // Each side is a sum of at most 15·28 products. Terms may cancel, so the bound is relative to their magnitudes (Higham 2002,
-            // eq. 3.5).
+            // `uᵀ(A v)` and `(Aᵀ u)ᵀ v` are sums of at most 15·28 products. Terms may cancel, so the bound is relative to their magnitudes
+            // (Higham 2002, eq. 3.5).
             let csr = matrix.to_csr(part, 0).unwrap_or_else(|error| unreachable!("{error}"));
             let magnitude: f64 = csr.entries().map(|(row, column, a)| (u[row] * a * v[column]).abs()).sum();
             let difference = (dot(&u, &av) - dot(&atu, &v)).abs();
@@ -209,7 +210,7 @@ fn some_rows_alone_are_those_of_the_whole() {
         let (whole, of_whole, squares_of_whole) = combined(found(&paths, true, None), rig, 3);
         let whole: Vec<_> = whole.iter().map(|tiles| tiles.to_rows()).collect();
         let camera = [0..4, 4..9, 9..9, 9..pixels];
-        // The projector's pixels are divided among the processes in another way than the camera's.
+        // The projector's pixels are divided among the processes differently from the camera's pixels.
         let lit = rig.projector.pixels();
         let own =
             camera.clone().into_iter().zip([0..lit / 2, lit / 2..lit / 2, lit / 2..lit - 3, lit - 3..lit]);
@@ -253,7 +254,7 @@ fn some_rows_alone_are_those_of_the_whole() {
 fn a_projector_of_more_pixels_than_the_camera_may_have_pixels_that_light_nothing() {
     let rig = RigShape { camera: Resolution::new(2, 1), projector: Resolution::new(4, 1), symmetric: false };
     let lit = Connection { camera: 1, projector: 0, bounces: 2, value: [3.0; 3] };
-    // The camera has no pixels at the positions of the last two projector pixels, and these two light nothing.
+    // The numbers of the last two projector pixels are beyond the camera's pixels. These two projector pixels light nothing.
     let camera = (0..2).map(|pixel| (pixel, 0, Vec::new())).collect();
     let projector = (0..4).map(|pixel| (pixel, 0, if pixel == 0 { vec![lit] } else { Vec::new() })).collect();
     let paths: [Paths; 2] = [camera, projector];
@@ -287,7 +288,7 @@ fn light_of_any_colour_counts_and_darkness_does_not() {
     assert_eq!(found, (0..5).map(|other| (other, colors[other as usize])).collect::<Vec<_>>());
 }
 
-/// Even a chunk of a single pixel is not freed before its pixel is done.
+/// Even a chunk with a single pixel is not freed before the row of this pixel is merged.
 #[test]
 fn how_contributions_are_cut_into_chunks_makes_no_difference() {
     let resolution = Resolution::new(64, 40);

@@ -11,7 +11,8 @@ use rayon::prelude::*;
 use super::RigShape;
 use super::contributions::{Chunk, Key, Term, Terms, places};
 
-/// Tasks per thread. There are several, because in the triangle of a symmetric matrix the first tasks run out of entries first.
+/// The number of tasks per thread. There are several, because in the triangle of a symmetric matrix the first tasks run out of entries
+/// first.
 const TASKS_A_THREAD: usize = 8;
 
 /// All contributions to some rows of the matrix, ordered by the pixel at which their paths start.
@@ -43,7 +44,7 @@ struct Task {
 
 /// The part of some rows of the transpose that one task computes.
 pub(super) struct Transposed<const C: usize> {
-    /// The index of the first term of each row, and the number of terms at the end.
+    /// The index of the first term of each row. The last element is the number of terms.
     start: Vec<usize>,
     terms: Vec<Term<C>>,
 }
@@ -95,7 +96,7 @@ impl<const C: usize> Sources<C> {
         Self { chunks, own, tasks: Task::share_out(mirrored) }
     }
 
-    /// The number of contributions to each row, before any is transposed. The first row belongs to the pixel `first`.
+    /// The number of contributions to each row. No block may be transposed before this call. The first row belongs to the pixel `first`.
     pub(super) fn counts(&self, first: usize) -> Vec<u32> {
         let rows = self.own.len();
         let of_tasks = |tasks: &[Task]| {
@@ -196,7 +197,7 @@ impl Task {
 mod tests {
     use super::*;
 
-    /// Every row belongs to one task, in order. All tasks have about equal numbers of entries.
+    /// Every row belongs to one task, and the tasks keep the order of the rows. All tasks have about equal numbers of entries.
     #[test]
     fn rows_are_shared_out_evenly() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().expect("threads can be started");
@@ -216,7 +217,7 @@ mod tests {
         let each = lengths.iter().sum::<usize>().div_ceil(24);
         let held = |task: &Task| task.left.iter().map(|source| source.entries.len()).sum::<usize>();
         let (last, full) = tasks.split_last().expect("there are some");
-        // A task ends with the row that fills it.
+        // A task ends with the row that completes its equal part, so it exceeds this part by less than one row.
         assert!(full.iter().all(|task| (each..each + 90).contains(&held(task))) && held(last) < each + 90);
         assert!((20..=24).contains(&tasks.len()), "eight of each thread: {}", tasks.len());
         assert_eq!(pool.install(|| Task::share_out(rows(&[5, 7]))).len(), 2, "no task is without rows");

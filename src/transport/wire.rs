@@ -57,7 +57,7 @@ impl<R: Read> Reader<R> {
         Ok(array)
     }
 
-    /// The next array, whose elements have `C` numbers each.
+    /// Reads the next array, whose elements have `C` numbers each.
     fn take_channels<const C: usize>(&mut self) -> Result<Vec<[f32; C]>> {
         let length = self.length(size_of::<f32>())?;
         if length % C > 0 {
@@ -68,7 +68,7 @@ impl<R: Read> Reader<R> {
         Ok(array)
     }
 
-    /// The length of the next array. A length that exceeds the remaining bytes is an error.
+    /// Reads the length of the next array. A length that exceeds the remaining bytes is an error.
     fn length(&mut self, element: usize) -> Result<usize> {
         let mut length = [0; 8];
         self.fill(&mut length)?;
@@ -95,7 +95,8 @@ fn other_lengths() -> Garbled {
     Garbled("its arrays have other lengths".into())
 }
 
-/// Encodes as bytes the contributions of these chunks to these `rows`, for start pixels of one endpoint.
+/// Encodes the contributions of these chunks to these `rows` as bytes. Only start pixels of one endpoint (camera or projector) are
+/// included.
 pub(super) fn chunks_to_bytes<const C: usize>(
     chunks: &[&Chunk<C>],
     from_camera: bool,
@@ -141,7 +142,7 @@ pub(super) fn put_chunks<const C: usize>(
     put_words(to, entries, &wanted, |term| term.error.map(f32::to_bits))
 }
 
-/// Writes an array. For each of the `terms` terms of these rows, it contains the words that `part` returns.
+/// Writes an array of the words that `part` returns for each term of these rows. `terms` is the number of terms.
 fn put_words<const C: usize, const N: usize>(
     to: &mut impl Write,
     terms: usize,

@@ -1,9 +1,9 @@
-//! The questions to a laboratory. Each module holds one question: its request, its execution, its answer, and its page.
+//! The verbs, which are the questions to a laboratory. Each module has one verb: its request, its execution, its answer, and its page.
 //!
 //! A [request](crate::lab::Verb) is a struct with documented fields, declared once. The fields become the options of the command line, the
 //! keyword arguments in Python and the record in `run.json`. An [answer](crate::lab::Answer) consists of named arrays and named facts. They
-//! become files, summary, attributes in Python and lines on the terminal. [`VERBS`] lists the
-//! verbs that leave a run's folder; the others write single files, or belong to a bench.
+//! become files, summary, attributes in Python and lines on the terminal. [`VERBS`] lists the verbs that write a run's folder. The others
+//! write single files, or are for a rig that is being set up.
 
 pub mod audit;
 pub mod compensate;
@@ -41,7 +41,7 @@ pub use segment::{Segment, Segmented};
 pub use separate::{Separate, Separated};
 pub use solve::{Solve, Solved};
 
-/// The verbs that are asked of any source and leave a run's folder, in the order of the help. A new verb is one more line.
+/// The verbs that apply to any source and write a run's folder, in the order of the help. A new verb needs one more line here.
 pub const VERBS: &[Declared] = &[
     Declared::of::<Segment>(),
     Declared::of::<Compensate>(),
@@ -96,7 +96,7 @@ impl Declared {
     }
 }
 
-/// A request of any verb. The methods are those of [`Verb`], and the constants.
+/// A request of any verb, as a trait object. The methods are those of [`Verb`], and return its constants.
 #[allow(missing_docs, reason = "Verb explains them")]
 pub trait AnyVerb: Send + Sync {
     fn not_resumed(&self) -> Option<&'static str>;

@@ -17,11 +17,11 @@ pub enum Pattern {
     White,
     /// No pixel is lit.
     Black,
-    /// Squares of this many pixels. The square at the top left is lit.
+    /// A checkerboard whose squares are this many pixels wide. The square at the top left is lit.
     Checker(usize),
-    /// Vertical stripes of this many pixels. The leftmost stripe is lit.
+    /// Vertical stripes that are this many pixels wide. The leftmost stripe is lit.
     Stripes(usize),
-    /// The left half.
+    /// The left half is lit.
     Left,
     /// A single lit pixel, by column and row.
     Pixel(usize, usize),

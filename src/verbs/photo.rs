@@ -69,8 +69,8 @@ impl TakePhoto {
         OperatorSettings { choice, memory: self.memory, ..OperatorSettings::default() }
     }
 
-    /// Writes the photo into `files`, writes its error if that has a file, and ends the open run. Returns whether no finding about the rig
-    /// fails, too. Fails if a file cannot be written or the error is not known.
+    /// Writes the photo into `files`, writes its standard error if a file is named for it, and ends the open run. The returned flag is
+    /// false if a finding about the rig fails. Fails if a file cannot be written or the standard error is not known.
     pub fn write(
         &self,
         lab: &mut Lab,
@@ -124,7 +124,7 @@ fn unknown_error() -> Error {
     Error::option("--error", "the standard error of this photo is not known").help(help)
 }
 
-/// Mean, least and greatest sample.
+/// The mean, the smallest and the largest sample.
 fn statistics(photo: &Image) -> (f64, f64, f64) {
     let samples = || photo.samples().iter().map(|&sample| f64::from(sample));
     let mean = samples().sum::<f64>() / photo.samples().len() as f64;

@@ -1,5 +1,5 @@
-//! Plans of a verb on a rig: its cost, and the error of its answer, predicted by runs on the rig's virtual twin. Plans of a scene on
-//! several machines: time and memory.
+//! Plans a verb on a rig: predicts its cost and the error of its answer by runs on the rig's virtual twin. Also plans the tracing of a
+//! scene on several machines: predicts time and memory.
 
 use std::cell::Cell;
 use std::ops::ControlFlow;

@@ -195,7 +195,7 @@ impl Answer for ProbedLight {
         content
     }
 
-    /// The finding whether the photo contains any light.
+    /// One finding: whether the photo contains any light.
     fn findings(&self) -> Vec<Finding> {
         if self.noise().value().is_some() {
             return Vec::new();

@@ -1,4 +1,4 @@
-//! Linear systems from files, to compare the solvers with other programs.
+//! Linear systems with the matrix of a source or from a file, to compare the solvers with other programs.
 
 use std::borrow::Cow;
 use std::cmp::Ordering;

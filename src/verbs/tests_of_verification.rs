@@ -61,7 +61,7 @@ fn a_matrix_has_no_other_light() -> Result<()> {
 #[test]
 fn a_rig_is_checked_by_one_more_photo_of_each_answer() -> Result<()> {
     let mut rig = zigzag()?.through_rig(RigFile::load("assets/rigs/ideal.toml".as_ref())?)?;
-    // With this few photos, the residuals exceed the shot noise that an uncalibrated rig is assumed to have.
+    // With so few photos, the residuals exceed the shot noise that an uncalibrated rig is assumed to have.
     let asked = Eigs { photos: Some(6), part: LightPart::Full, ..pairs() };
     let found = asked.pairs(&mut rig)?.found;
     let photos = rig.contact_sheet().len();
@@ -69,8 +69,9 @@ fn a_rig_is_checked_by_one_more_photo_of_each_answer() -> Result<()> {
     assert_eq!(rig.contact_sheet().len(), photos + 1);
     assert_eq!((checked.verification.by, checked.estimates.len()), (Independent::AnotherPhoto, 0));
     assert_eq!(checked.verification.verdict, CheckVerdict::Passed, "within the residuals that it states");
-    // The photo is a sum of orthogonal eigenvectors with signs. Their residuals are parallel to the next Lanczos vector, so they add up or
-    // cancel. The devices have no noise except for steps of 12 and 16 bits. Error and assumed noise together are thus the whole difference.
+    // The photo shows a sum of orthogonal eigenvectors with random signs. All of their residuals are parallel to the next Lanczos vector,
+    // so they add up or cancel. The only noise of the devices is the rounding to 12 and 16 bits. The error and the assumed noise together
+    // thus equal the whole difference.
     let size = found.values.iter().map(|value| value * value).sum::<f64>().sqrt();
     let share = |residual: f64| residual.abs() / size.hypot(residual);
     let [first, second, third] = [0, 1, 2].map(|at| found.residuals[at]);
@@ -80,7 +81,7 @@ fn a_rig_is_checked_by_one_more_photo_of_each_answer() -> Result<()> {
     let seen = difference(&checked.verification);
     assert!(checked.verification.error > 0.0, "{:?}", checked.verification);
     assert!(sums.iter().any(|&sum| (share(sum) - seen).abs() < 1e-3), "{seen} {:?}", sums.map(share));
-    // Eigenvalues that are a fifth too large are detected. The difference grows by a fifth of the eigenvectors' share of the photo.
+    // Eigenvalues that are a fifth too large are detected. The difference grows by a fifth of the part of the photo without residuals.
     let mut wrong = found.clone();
     wrong.values.iter_mut().for_each(|value| *value *= 1.2);
     let Some(checked) = rig.verify_eigenpairs(Part::Full, &wrong)? else { unreachable!("a rig") };
@@ -145,7 +146,7 @@ fn a_compensated_photo_states_the_error_of_each_pixel() -> Result<()> {
     let scene = || Lab::builder_of_scene(builtin::zigzag().to_scene()).size(24, 24);
     let mut exact = scene().samples(4096).seed(11).open()?;
     let of_scene = deviation(&mut zigzag()?, &mut exact)?;
-    // Each pixel has one draw of its error, and these draws are pooled. The mean square is therefore off by some percent.
+    // The error of each pixel is a single random draw, and these draws are pooled. The mean square is therefore off by some percent.
     assert!((0.8..1.3).contains(&of_scene), "{of_scene}");
     let mut behind = scene().samples(64).seed(7).open()?;
     let text =

@@ -11,7 +11,7 @@ use crate::krylov::Constraint;
 /// The number of products with the model for each pattern. They cost no photos.
 const PRODUCTS: usize = 300;
 
-/// Corrections stop after a correction that leaves more than this share of the residual.
+/// If a correction leaves more than this share of the residual, no further correction follows.
 const STALLED: f64 = 0.98;
 
 /// A function that takes the photo of a pattern. Pattern and photo have one plane per channel, and the photo is without ambient light.
@@ -25,8 +25,8 @@ pub type Photograph<'a> = dyn FnMut(&[Vec<f64>]) -> Result<Vec<Vec<f64>>> + 'a;
 /// ```
 ///
 /// Each correction photographs the previous pattern, and subtracts the model's error for this pattern from the target. A relative error `e`
-/// of the model becomes `e^(t+1)` after `t` photos, as in iterative refinement. `photograph_it` is called at most `corrections` times, and
-/// no longer once a photo is hardly better than the photo before it. [`CompensateOptions::photos`] is ignored.
+/// of the model becomes `e^(t+1)` after `t` photos, as in iterative refinement. `photograph_it` is called at most `corrections` times. The
+/// calls end earlier if a photo is hardly better than the photo before it. [`CompensateOptions::photos`] is ignored.
 ///
 /// In the result, `observed` is the prediction of the corrected model, and `residual` follows from this prediction. `history` holds the
 /// residuals of the photos, one for each pattern except the last. There is no baseline. Fails as [`compensate`](super::compensate()) or
@@ -73,7 +73,7 @@ pub fn compensate_by_model(
         let answer =
             Answer { target, options, peak, b: &b, pattern, observed: predicted, uncompensated: plain };
         let found = answer.of(solved)?;
-        // Further products with the model cannot improve this pattern, which is as good as the model.
+        // This pattern is as good as the model allows, and further products with the model cannot improve it.
         let good = found.residual < found.uncompensated_residual && (boxed || found.good);
         return Ok(Compensation { good, photos: history.len(), history, ..found });
     }

@@ -16,12 +16,13 @@ pub struct MethodRun {
     pub name: &'static str,
     /// The residual after each photo, as the method computes it for its unclipped pattern. Each row has the smallest residual so far.
     pub history: Vec<CompensationRow>,
-    /// The residual of a photo of the method's pattern after each step, clipped to the projector's range.
+    /// The residual after each step, from a photo of the method's pattern clipped to the projector's range.
     pub displayed: Vec<CompensationRow>,
     /// The number of photos taken by the method, without preparation.
     pub photos: usize,
-    /// The number of frames that the camera had taken for the method after each photo. It counts the frames of signs, bit planes,
-    /// exposures, takes and sentinels. Empty if photos are computed.
+    /// The number of frames that the camera had taken for the method after each photo. It counts the frames of the positive and negative
+    /// parts of patterns, of bit planes, exposures and repetitions, and of photos that measure the drift of the lamp. Empty if photos are
+    /// computed.
     pub frames: Vec<u64>,
     /// The relative residual of the final photo.
     pub residual: f64,
@@ -67,10 +68,11 @@ pub fn compare_methods<O: Adjoint>(
     Ok(runs)
 }
 
-/// A comparison of an unconstrained method, whose pattern is clamped after each photo, with a box-constrained method.
+/// A comparison of an unconstrained method with a box-constrained method. The pattern of the unconstrained method is clamped after each
+/// photo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clamping {
-    /// The residual of the photo of the method's pattern after each step, clamped and projected.
+    /// The residual after each step, from the photo of the clamped pattern.
     pub displayed: Vec<CompensationRow>,
     /// The residuals of [`Method::KrylovBox`] with the same number of photos.
     pub boxed: Vec<CompensationRow>,
@@ -100,7 +102,7 @@ impl Clamping {
         Ratio::of(self.last(), self.inside(), ROUNDING)
     }
 
-    /// The index of the best clamped photo, if the photos after it made the clamped result worse.
+    /// The number of the photo with the best clamped result, if later photos made the clamped result worse.
     pub fn turning_point(&self) -> Option<usize> {
         let best = self.displayed.iter().min_by(|a, b| a.residual.total_cmp(&b.residual))?;
         // A difference of 1 % does not count as worse.

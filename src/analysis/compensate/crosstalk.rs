@@ -158,7 +158,7 @@ impl<O: Adjoint> Operator for Mixed<'_, O> {
         Ok(())
     }
 
-    /// All channels belong to one rig, so the first channel has the number of frames.
+    /// All channels belong to one rig, so the first channel states the frames of the whole rig.
     fn frames(&self) -> Option<u64> {
         self.channels.first().and_then(|channel| channel.frames())
     }

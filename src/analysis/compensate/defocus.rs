@@ -163,7 +163,7 @@ mod tests {
     fn undoes_a_gaussian_where_nothing_is_lost_and_tells_its_width() -> Result<()> {
         let resolution = Resolution::new(24, 15);
         let white: Vec<f64> = (0..resolution.pixels()).map(|i| 0.5 + 0.01 * (i % 7) as f64).collect();
-        // A Gaussian of half a pixel keeps a third of the highest frequency.
+        // A Gaussian of half a pixel attenuates the highest frequency to a third.
         let (x, width) = (noise(resolution.pixels()), 0.5);
         let root: Vec<f64> = white.iter().map(|d| d.sqrt()).collect();
         let times = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a * b).collect() };
@@ -173,7 +173,7 @@ mod tests {
         let mut back = vec![0.0; x.len()];
         model.apply(&y, &mut back)?;
         for (a, b) in back.iter().zip(&x) {
-            // The kernels are equal. The error is a thousand roundings, amplified by at most ten.
+            // Both blurs have the same kernel. The error is a thousand roundings, amplified by at most ten.
             assert!((a - b).abs() < 1e-11, "{a} {b}");
         }
         for width in [0.0, 0.5, 2.0] {

@@ -5,7 +5,8 @@ use crate::image::{Blur, Resolution};
 /// A Gaussian wider than this many pixels is applied to blocks of pixels. In units of blocks, its width is at most this value.
 const WIDEST: f64 = 3.0;
 
-/// The blur `K = Kᵀ = √B⁻¹ E K' Eᵀ √B⁻¹` of an image mirrored at its borders. `Eᵀ` sums the pixels of each block; `B` holds pixel counts.
+/// The blur `K = Kᵀ = √B⁻¹ E K' Eᵀ √B⁻¹` of an image mirrored at its borders. `Eᵀ` sums the pixels of each block, `B` holds the number of
+/// pixels of each block, and `K'` blurs the image of blocks.
 #[derive(Clone, Debug)]
 pub(super) struct Gaussian {
     resolution: Resolution,

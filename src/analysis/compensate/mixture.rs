@@ -215,7 +215,7 @@ mod tests {
         // Windows of ten pixels cannot exactly follow shares that change by a fifth within a window.
         let (before, after) = (missed(&plain, &other), missed(&*fitted, &other));
         assert!(after < 0.1 * before, "{before} {after}");
-        // The dot product test has a rounding error of a few thousand terms.
+        // The comparison of the two inner products has the rounding errors of a few thousand terms.
         let y = noise(n, 9);
         let (mut image, mut back) = (vec![0.0; n], vec![0.0; n]);
         fitted.apply(&other, &mut image);

@@ -84,8 +84,8 @@ pub struct Compensation {
     pub clamping: Option<Clamping>,
     /// The reason why the method ended. For several channels, it is the least successful status.
     pub status: Status,
-    /// True if the pattern is within the tolerance, or is the optimum inside the box, or is better than no compensation and its photos
-    /// allowed no better pattern.
+    /// True in three cases: the pattern is within the tolerance; it is the optimum inside the box; or it is better than no compensation,
+    /// and its photos allowed no better pattern.
     pub good: bool,
 }
 
@@ -116,7 +116,7 @@ pub struct Prior {
 /// light.
 ///
 /// `channels` holds one operator (`n × n`) per channel of the target. The channels are independent systems and are solved one after the
-/// other. One colour photo is one product with each operator, so the number of photos is the number of the channel that took the most. The
+/// other. One colour photo is one product with each operator, so the number of photos is the largest number of products of a channel. The
 /// observer of each operator sees the products of the method and may stop the method; the baseline is not observed. A pattern outside
 /// [floor, 1] is clipped, as by a projector, and the residuals before and after clipping are both reported. [`Method::KrylovBox`] keeps its
 /// patterns inside the box.

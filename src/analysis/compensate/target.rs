@@ -113,7 +113,7 @@ pub(super) fn residual_norm(b: &[Vec<f64>], y: &[Vec<f64>]) -> f64 {
     norm_of(&difference(b, y))
 }
 
-/// The median, which is the larger of two middle values. It is 0 if there are no values.
+/// The median, or the larger of the two middle values. It is 0 if there are no values.
 fn median(mut values: Vec<f64>) -> f64 {
     let middle = values.len() / 2;
     if values.is_empty() {

@@ -57,8 +57,8 @@ pub(super) fn advance(
 }
 
 impl Bounded<'_> {
-    /// Moves each centre to the mean of its group. Returns `None` and moves no centre if the weight of a group is negligible, because a sum
-    /// that has lost all its terms consists of their rounding errors.
+    /// Moves each centre to the mean of its group. Returns `None` and moves no centre if the weight of a group is negligible. The sums of
+    /// such a group may consist only of rounding errors, because the group has lost its points.
     fn move_centres(&self, centres: &mut [Vec<f64>]) -> Option<Moves> {
         let least = 1e-9 * self.weights.iter().sum::<f64>() / self.labels.len().max(1) as f64;
         if self.weights.iter().any(|&weight| weight <= least) {

@@ -62,7 +62,8 @@ pub fn kmeans(coordinates: &[Vec<f64>], weights: &[f64], options: &KmeansOptions
     lloyd(&points, best_start(&sample, options, &mut random).centres, options.rounds)
 }
 
-/// The largest number of points on which all starts are compared. A group of a thousandth of all points then has about 32 of these points.
+/// The largest number of points on which all starts are compared. A group of a thousandth of all points then has about 32 points in the
+/// sample.
 const MOST_COMPARED: usize = 1 << 15;
 
 /// Draws one point at random from each group of consecutive points.

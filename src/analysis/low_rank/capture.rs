@@ -17,15 +17,16 @@ pub struct LowRankCapture {
     /// The first pattern. The default `None` means all ones, so that the capture includes the white photo and begins with smooth patterns.
     pub start: Option<Start>,
     /// Further start vectors of the first block, for a symmetric operator. Other operators ignore them. A single start finds one vector per
-    /// eigenspace. It hardly separates similar regions without exchange, such as the cups of a carton, but [`smooth_starts`] separate them.
+    /// eigenspace. It hardly separates similar regions that exchange no light, such as the cups of an egg carton, but [`smooth_starts`]
+    /// separate them.
     pub beside: Vec<Vec<f64>>,
 }
 
 /// Returns `count` smooth random patterns (`n` each) for [`LowRankCapture::beside`]. They are random signs blurred by a sixteenth of the
 /// width, because global light and natural images are smooth as well.
 ///
-/// With 40 photos of a carton at 100×100 and eleven of these starts in addition to white, the model relights checkerboards, stripes and a
-/// half-lit field with errors of 3.2 to 4.7 %. With white alone, it relights four natural images with errors of 2.2 to 5.9 %.
+/// For an egg carton at 100×100, a model of 40 photos with eleven of these starts in addition to white relights checkerboards, stripes and
+/// a half-lit field with errors of 3.2 to 4.7 %. With white alone, it relights four natural images with errors of 2.2 to 5.9 %.
 pub fn smooth_starts(resolution: Resolution, count: usize, seed: u64) -> Vec<Vec<f64>> {
     smooth_patterns(resolution, std::f64::consts::SQRT_2 * default_sigma(resolution), count, seed)
 }
@@ -86,9 +87,9 @@ fn run(
     Ok(process.basis().to_vec())
 }
 
-/// The part of the last photo that the model of the earlier photos did not predict: `‖w − Q Wᵀ q‖` for a pattern `q` of norm 1 and its
-/// photo `w`, relative to the strongest photo. This part falls with the error of the model. Without symmetry, the model predicts nothing
-/// for a new orthogonal pattern.
+/// The part of the last photo that the model of the earlier photos did not predict: `‖w − Q Wᵀ q‖` for the last pattern `q` (of norm 1) and
+/// its photo `w`, relative to the strongest photo. `Q` holds the earlier patterns, and `W` their photos. This part falls with the error of
+/// the model. Without symmetry, the model predicts nothing for a new orthogonal pattern.
 fn unpredicted(products: &[Product], symmetric: bool) -> f64 {
     let Some((last, before)) = products.split_last() else { return 1.0 };
     let mut rest = last.to.clone();
@@ -135,7 +136,7 @@ pub fn from_products(products: Vec<Product>, direct: Vec<f64>, symmetric: bool) 
     LowRank::new(basis, photos, direct, symmetric)
 }
 
-/// Estimates unmeasured direct light as a share of the white photo, from `products` with all light. The share is the median of
+/// Estimates unmeasured direct light as a share of the white photo, from `products` that include all light. The share is the median of
 /// `θ = vᵀ D^-½ A D^-½ v` over the newer half of the directions `v` of the products. Direct light dominates in these directions, because
 /// global light is smooth.
 pub fn estimated_direct(products: &[Product], white: &[f64]) -> Result<Vec<f64>> {

@@ -7,8 +7,8 @@ use crate::krylov::{EigsOptions, LowRankOptions, Start, Which, dot, eigs, random
 use crate::operator::{Adjoint, Operator, Symmetry, product};
 use crate::sparse::Csr;
 
-/// The number of products for the best approximation of each rank, in addition to four times the rank. The error of this approximation is
-/// then well below one per cent.
+/// The best approximation takes this number of products in addition to four times its rank. Its error is then known to well below one per
+/// cent.
 const EXTRA_PRODUCTS: usize = 40;
 
 /// The direct light of a channel of `n` pixels.

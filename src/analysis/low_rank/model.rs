@@ -126,7 +126,7 @@ impl LowRank {
             (None, true) => vec![0.0; self.cols()],
             (None, false) => self.direct.clone(),
         };
-        // The subtracted term Q (Qᵀ W) Qᵀ, column by column of T.
+        // The term Q T Qᵀ with T = QᵀW is subtracted. Each vector here is a column of T.
         let correction: Vec<Vec<f64>> = match self.symmetric {
             true => self.photos.iter().map(|photo| self.projected(photo)).collect(),
             false => Vec::new(),

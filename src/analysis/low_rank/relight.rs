@@ -102,7 +102,7 @@ impl SavedModel {
         })
     }
 
-    /// The photo of the dual rig under a pattern of camera pixels. `full` has the same meaning as in [`SavedModel::relight`].
+    /// Computes the dual photograph under a pattern of camera pixels. `full` has the same meaning as in [`SavedModel::relight`].
     pub fn dual<O: Adjoint>(&self, name: String, pattern: &Image, full: Option<&mut [O]>) -> Result<Dual> {
         let each = self.channels.iter().enumerate();
         let found: Planes = each.map(|(channel, of)| of.dual(&plane(pattern, channel))).collect();

@@ -56,8 +56,8 @@ pub struct MethodTrial {
     pub name: &'static str,
     /// The number of photos that the method took.
     pub photos: usize,
-    /// The frames of these photos: signs, bit planes, exposures, takes and sentinels. The frames of black and white are not included,
-    /// because all methods share them.
+    /// The frames of these photos: of the positive and negative parts of patterns, bit planes, exposures and repetitions, and of photos
+    /// that measure the drift of the lamp. The frames of black and white are not included, because all methods share them.
     pub frames: u64,
     /// The residual after all photos.
     pub residual: f64,

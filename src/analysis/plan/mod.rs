@@ -1,8 +1,8 @@
 //! Planning uses the virtual twin of a rig to predict the cost and the accuracy of an analysis on the rig.
 //!
 //! The twin is a [`VirtualRig`] with all imperfections in its file, in front of exactly known light transport. The entire measurement runs
-//! on the twin with the noise of several seeds. Each result is compared with the result of ideal devices. The numbers of patterns, frames
-//! and seconds are also those of the twin.
+//! on the twin with the noise of several seeds. Each result is compared with the result of ideal devices. The twin also gives the numbers
+//! of patterns, frames and seconds.
 
 mod compensation;
 mod twin;

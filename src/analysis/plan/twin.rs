@@ -19,7 +19,7 @@ pub enum Twin {
 }
 
 impl Twin {
-    /// The transport in front of which a rig is opened.
+    /// The light transport that a virtual rig measures.
     pub fn transport(&self) -> Box<dyn Transport + Send> {
         match self {
             Self::Traced(traced) => Box::new(Arc::clone(traced)),

@@ -91,7 +91,7 @@ impl Capture {
         loop {
             let block = self.lanczos.as_ref().map_or(0, Factorization::block);
             let photos = self.options.photos - self.photos_of_degree;
-            // After as many rounds as the default gives each start, the capture may add starts. Further starts never join a single start.
+            // After as many rounds as the default gives each start, the capture may add starts. A capture with a single start adds none.
             let stage = if block == 1 { photos } else { photos.min(ROUNDS * block) };
             let status = self.take(global, stage)?.stats.status;
             let (Some(graph), Some(lanczos)) = (&self.graph, &mut self.lanczos) else { return Ok(()) };
@@ -242,8 +242,8 @@ fn too_early() -> Error {
 /// The number of photos per starting pattern after which the capture decides whether there are enough starting patterns.
 const ROUNDS: usize = 4;
 
-/// Returns true if as many eigenvalues may belong to regions as there are starting patterns. Further regions may then have been missed. The
-/// average cut has no scale for this decision, so the result is then false.
+/// Returns true if as many eigenvalues may belong to regions as there are starting patterns. Further regions may then have been missed. For
+/// the average cut the result is false, because its eigenvalues have no scale for this decision.
 fn is_saturated(lanczos: &Factorization, cut: Cut) -> Result<bool> {
     let pairs = lanczos.ritz(Which::LargestAlgebraic, lanczos.block())?;
     Ok(cut == Cut::Normalized && pairs.iter().all(|pair| pair.value >= KEPT))
@@ -254,8 +254,8 @@ fn known_pixels(options: &SegmentOptions, graph: &Graph) -> Option<Resolution> {
 }
 
 /// The next starting patterns, after `before` earlier patterns. They are random, because patterns of ones would give the scene's symmetry
-/// to the whole Krylov space. If the pixels are known, the patterns are smooth and multiplied by the known vector, because an eigenvector
-/// of regions is the known vector times a constant on each region.
+/// to the whole Krylov space. An eigenvector of regions is the known vector times a constant on each region. If the resolution is known,
+/// several patterns are therefore smooth patterns times the known vector.
 fn starts(options: &SegmentOptions, graph: &Graph, before: usize) -> Vec<Vec<f64>> {
     let (m, count) = (graph.pixels().len(), options.start_count());
     let known = options.cut.known_vector(graph);

@@ -4,13 +4,14 @@
 //! `√(1 − λ)`. Distances between pixels are then commute times: the time that light takes from one pixel to another and back (Qiu and
 //! Hancock, 2007, doi:10.1109/TPAMI.2007.1103).
 //!
-//! Some small sets of pixels exchange light almost only among themselves: flat spots that see a sliver, or noise of a rare light path. The
-//! normalized cut treats each set as a region. The set has an eigenvalue near 1 and a localized eigenvector. The entries of this
-//! eigenvector are so large, `1/√d`, that it weighs as much in k-means as any other eigenvector (Zhang and Rohe, *Understanding regularized
-//! spectral clustering via graph conductance*, 2018, arXiv:1806.01468). The entries of each eigenvector are therefore clamped to a range.
-//! The range leaves out the pixels at either end that have [`LEAST_SHARE`] of all light. Smaller sets lose their influence; nothing else
-//! changes. The remedy of Zhang and Rohe, an edge `μ` between all pixels, would move all eigenvalues. It would not suffice to leave out
-//! localized eigenvectors: for equal eigenvalues, Lanczos finds one mixture of the small set and all regions.
+//! Some small sets of pixels exchange light almost only among themselves: flat spots that see only a sliver of the scene, or pixels with
+//! the noise of a rare light path. The normalized cut treats each set as a region. The set has an eigenvalue near 1 and a localized
+//! eigenvector. The entries of this eigenvector are so large, `1/√d`, that it weighs as much in k-means as any other eigenvector (Zhang and
+//! Rohe, *Understanding regularized spectral clustering via graph conductance*, 2018, arXiv:1806.01468). The entries of each eigenvector
+//! are therefore clamped to a range. The range leaves out the pixels at either end that have [`LEAST_SHARE`] of all light. Smaller sets
+//! lose their influence; nothing else changes. The remedy of Zhang and Rohe, an edge `μ` between all pixels, would move all eigenvalues. It
+//! would not suffice to leave out localized eigenvectors: for equal eigenvalues, Lanczos finds one mixture of the small set and all
+//! regions.
 
 use super::graph::Graph;
 use super::options::Cut;
@@ -22,8 +23,7 @@ pub(super) const LEAST_SHARE: f64 = 1.0 / 500.0;
 /// If clamping leaves less than this share of the squared norm of an eigenvector, the eigenvector is localized.
 const LOCAL: f64 = 0.1;
 
-/// Eigenvalues whose distance from 1 is smaller than this value count as this distant, so that no eigenvector outweighs another by more
-/// than `1/√FLOOR`.
+/// This value replaces any smaller distance of an eigenvalue from 1, so that no eigenvector outweighs another by more than `1/√FLOOR`.
 const FLOOR: f64 = 1e-3;
 
 /// The map from eigenvectors to coordinates.
@@ -106,7 +106,7 @@ fn within(vector: &[f64], weights: &[f64], (low, high): (f64, f64)) -> f64 {
 }
 
 /// The factor of an eigenvector with the gap `1 − λ`, which is known only up to the `residual`. If the gap is smaller than the residual,
-/// the residual replaces the gap. The residual does not include noise that a low-pass removed.
+/// the residual replaces the gap. The residual does not include noise that a low-pass filter removed.
 fn weight(gap: f64, residual: f64) -> f64 {
     1.0 / gap.max(residual).max(FLOOR).sqrt()
 }

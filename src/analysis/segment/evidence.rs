@@ -1,7 +1,7 @@
 //! Evidence for a segmentation: the light that groups exchange, distances between pixels, and the agreement with other labels.
 //!
-//! Each group is lit alone. The photo under a group's own pixels shows all pixels that its light reaches. Summed over groups, these photos
-//! give the exchanged light, `E_ab = 1_aᵀ G 1_b`, and the value of the cut, `Σ_a (1 − E_aa / Σ_b E_ab)`, without any model.
+//! Each group is lit alone. The photo then shows all pixels that light from this group reaches. Summed over the pixels of each group, these
+//! photos give the exchanged light, `E_ab = 1_aᵀ G 1_b`, and the value of the cut, `Σ_a (1 − E_aa / Σ_b E_ab)`, without any model.
 
 use std::collections::BTreeMap;
 
@@ -183,7 +183,7 @@ mod tests {
 
     #[test]
     fn agrees_with_a_table_worked_by_hand() {
-        // n_ij = [[2, 1], [0, 3]]: together 1 + 3 = 4, a: 3 + 3 = 6, b: 1 + 6 = 7, all 15, by chance 2.8.
+        // For n_ij = [[2, 1], [0, 3]], C sums to 1 + 3 = 4 over n_ij, 3 + 3 = 6 over a, and 1 + 6 = 7 over b. C(n) is 15, so E is 2.8.
         let value = index(&[0, 0, 0, 1, 1, 1], &[0, 0, 1, 1, 1, 1]);
         assert!((value - (4.0 - 2.8) / (6.5 - 2.8)).abs() < 1e-15, "{value}");
     }

@@ -31,7 +31,7 @@ impl Graph {
     /// whose degree is now too low are also masked, without another photo, and [`Graph::leak`] bounds their light.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if `white` contains a NaN or an infinity, or no pixel sees global light; any error of `masked_photo`.
+    /// [`Error::Numerical`] if `white` contains a NaN or an infinity, or if no pixel sees global light; any error of `masked_photo`.
     pub fn measure(
         white: &[f64],
         mask_below: f64,

@@ -9,7 +9,8 @@ const TWO: f64 = 0.95;
 /// Each of the two parts must have this share of the group's light.
 const LEAST_PART: f64 = 0.05;
 
-/// The degrees of freedom of the distribution of a pixel's distance from its group: few, because some pixels are far from every group.
+/// The degrees of freedom of Student's distribution for a pixel's distance from its group. They are few, because some pixels are far from
+/// every group.
 const DEGREES_OF_FREEDOM: f64 = 4.0;
 
 /// The number of steps of the power iteration for the longest axis. It need not converge, because any axis near the longest axis separates

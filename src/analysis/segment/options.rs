@@ -31,10 +31,10 @@ pub struct SegmentOptions {
     /// The number of starting patterns of the Krylov process. Among regions that exchange the same small amount of light, each pattern
     /// finds only one region, so every region needs a pattern. With more patterns, each pattern has fewer photos. If each of several
     /// patterns has found a region and photos are left, the same number of patterns is added. The paper's process has one pattern. Default
-    /// none: [`SegmentOptions::automatic_starts`] if the pixels are known, otherwise one.
+    /// none: [`SegmentOptions::automatic_starts`] if `resolution` is given, otherwise one.
     pub starts: Option<usize>,
-    /// The resolution of patterns and photos. It serves to make the starting patterns smooth, because regions are extended and noise is
-    /// not. Default none: random signs, pixel by pixel.
+    /// The resolution of patterns and photos. It is used to make several starting patterns smooth, because regions are extended and noise
+    /// is not. Default none: random signs, pixel by pixel.
     pub resolution: Option<Resolution>,
     /// The normalization of the cut.
     pub cut: Cut,

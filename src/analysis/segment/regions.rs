@@ -15,8 +15,8 @@ use super::embedding::LEAST_SHARE;
 use crate::finding::decimal;
 use crate::krylov::{Completeness, temple_kato};
 
-/// Eigenvalues whose distance from 1 is smaller than this value count as this distant, so that rounding creates no gaps. An operator that
-/// blurs has a higher floor.
+/// This value replaces any smaller distance of an eigenvalue from 1, so that rounding creates no gaps. An operator that blurs has a higher
+/// floor.
 const FLOOR: f64 = 1e-3;
 
 /// An eigenvalue this close to 1 counts as 1.
@@ -25,7 +25,8 @@ const EXACT: f64 = 1e-6;
 /// A region must keep at least this share of its light.
 pub const KEPT: f64 = 0.85;
 
-/// The count is clear if the next eigenvalue is at least this many times as far from 1, and keeps too little light for a region.
+/// The count is clear if the next eigenvalue is at least this many times as far from 1 as the last eigenvalue of a region. In addition, a
+/// region with this next eigenvalue must keep too little of its light ([`KEPT`]).
 const CLEAR: f64 = 4.0;
 
 /// A suggested number of regions, and the evidence for this number.
@@ -40,8 +41,8 @@ pub struct Regions {
     pub last: f64,
     /// The distance from 1 of the eigenvalue after the gap, or a lower bound; `None` if the capture ended before it found this eigenvalue.
     pub next: Option<f64>,
-    /// The ratio of `next` to `last`. `last` counts as at least 0.001, and as at least the share of light that a blur carries across a
-    /// border.
+    /// The ratio of `next` to `last`. Here `last` is raised to at least 0.001, and to at least the share of light that a blur carries
+    /// across a border.
     pub ratio: Option<f64>,
     /// The part of `count` that only the coordinates of the pixels reveal, because groups were divided.
     pub divided: usize,
@@ -94,8 +95,8 @@ impl Regions {
             _ => None,
         };
         let unseen = levels.map_or(0, |levels| levels.saturating_sub(exact));
-        // The known eigenvalue needs no start. A single start separates eigenvalues that differ a little; the levels of its vector show
-        // equal ones.
+        // The known eigenvalue needs no start. A single start separates eigenvalues that differ a little, and the levels of its vector show
+        // equal eigenvalues.
         let at_least = next.is_none() || (starts > 1 && last >= starts) || (starts == 1 && last > 1);
         // An eigenvalue may still move nearer to 1 by the residual of its eigenvector.
         let is_far =

@@ -17,8 +17,8 @@ const MOST_GROUPS: usize = 254;
 /// The label of a masked pixel.
 pub const MASKED: u8 = 255;
 
-/// An eigenvalue is at most the largest row sum. An excess above this share is a fault of the photos that rounding or a little noise does
-/// not explain.
+/// No eigenvalue of a matrix of light exceeds the largest row sum. An excess of more than this share shows a fault of the photos that
+/// rounding or a little noise does not explain.
 const IMPOSSIBLE: f64 = 0.05;
 
 /// A label counts as sure if its confidence has at least this value.

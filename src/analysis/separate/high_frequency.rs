@@ -6,8 +6,8 @@
 //!
 //! The residuals around the line are noise, and global light that varies with the pattern. Their mean square `s²` (the sum of squares
 //! divided by the number of photos minus two) gives the standard errors `s/√Σ(p − p̄)²` of `D` and `2 s √(1/m + p̄²/Σ(p − p̄)²)` of `G`.
-//! They do not cover global light that follows the pattern as direct light does, which comes from the surroundings of a pixel within a
-//! square.
+//! They do not cover the global light that a pixel receives from its surroundings within a square, because this light follows the pattern
+//! as direct light does.
 
 use crate::analysis::separate::Separation;
 use crate::error::{Error, Result};
@@ -345,8 +345,8 @@ mod tests {
         let found = separated(16)?;
         assert_eq!(found.photos, 16);
         let [error, stated] = off(&found);
-        // Each of four neighbours sends 0.2, which cancels. The even light is 1 from 168 pixels: 0.006 each from about 11 pixels with equal
-        // codes.
+        // The light of 0.2 from each of the four neighbours cancels. The even light is 1 from 168 pixels: 0.006 each from about 11 pixels
+        // with equal codes.
         assert!(error < 0.03 && error < 3.0 * stated, "{error}, stated {stated}");
         Ok(())
     }

@@ -15,10 +15,10 @@ use crate::operator::Adjoint;
 /// ```
 ///
 /// The method converges to the constrained optimum. It takes two products per iteration, `A x` and `Aᵀ r` (for a symmetric operator both
-/// are products with `A`); `A y` follows from the photos of `x` by linearity. For a non-negative symmetric `A` with `D = A 1`, `L = max D`
-/// is a bound, because `D^-½ A D^-½` has norm 1. If a product shows that `L` is too small, the method doubles `L`. The momentum is reset
-/// when it points uphill. The method stores eleven `n`-vectors: `b, x`, the best `x`, `r, D, y`, the last `x`, two residuals and two work
-/// vectors.
+/// are products with `A`); `A y` follows from the products with the iterates `x` by linearity. For a non-negative symmetric `A` with
+/// `D = A 1`, `L = max D` bounds the curvature in this metric, because `D^-½ A D^-½` has norm 1. If a product shows that `L` is too small,
+/// the method doubles `L`. The momentum is reset when it points uphill. The method stores eleven `n`-vectors: `b, x`, the best `x`,
+/// `r, D, y`, the last `x`, two residuals and two work vectors.
 ///
 /// References: Beck and Teboulle (2009), doi:10.1137/080716542; restart: O'Donoghue and Candès (2015), doi:10.1007/s10208-013-9150-3.
 pub struct Fista {
@@ -48,7 +48,7 @@ impl Fista {
         Ok(Solver::new(system, recurrence))
     }
 
-    /// Computes the next `y` and its residual from the photo of `x`.
+    /// Computes the next `y` and its residual from the product with `x`.
     fn extrapolate(&mut self, system: &System) {
         let mut momentum = 0.0;
         if !self.first {

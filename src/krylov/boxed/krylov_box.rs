@@ -14,17 +14,17 @@ use crate::operator::{Adjoint, Symmetry};
 /// Krylov-box: solves `min ‖b − A x‖₂` over the box, for any square `A` of `n × n`, by a model of `A` that every product improves.
 ///
 /// The model `M` agrees with all products so far, and is otherwise as near as possible to a multiple `θ D` of the diagonal. Each step
-/// solves the box problem for the model (dense work, no product) and photographs its solution `z`. The step then moves to the best point
-/// between `x` and `z`, whose residual follows by linearity. If this move reduces the residual by less than a thousandth, the next step
-/// photographs the residual `r`. A symmetric model that knows `A r` knows the true gradient at `x`, so the method stops only at the true
-/// optimum.
+/// solves the box problem for the model, which takes no product, and then takes the product with the solution `z` (photographs `z`). The
+/// step then moves to the best point between `x` and `z`, whose residual follows by linearity. If this move reduces the residual by less
+/// than a thousandth, the next step photographs the residual `r`. A symmetric model that knows `A r` knows the true gradient at `x`, so the
+/// method stops only at the true optimum.
 ///
 /// The method takes one product per step and needs no transpose. `‖r‖` falls monotonically. Every iterate is inside the box, and the first
-/// iterate is scaled to the best brightness. For an operator that is not symmetric, the model is Broyden's, and the method may stop away
-/// from the optimum. A [`SolveOptions::surrogate`], which has a transpose, then reduces the distance to the optimum. All patterns are
-/// inside the box, except residuals, which are signed. The method ends when the model knows `A r` and predicts no gain beyond `rtol`. After
-/// `k` products the method stores `2k` `n`-vectors (two more for a white photo in the options); `b, x`, the best `x`, `r, D, D^½`, the
-/// candidate, a product and four work vectors (five for an operator that is not symmetric).
+/// iterate is scaled to the best brightness. For an operator that is not symmetric, the model is not symmetric either (Broyden's matrix),
+/// and the method may stop away from the optimum. A [`SolveOptions::surrogate`], which has a transpose, then reduces the distance to the
+/// optimum. All patterns are inside the box, except residuals, which are signed. The method ends when the model knows `A r` and predicts no
+/// gain beyond `rtol`. After `k` products the method stores `2k` `n`-vectors (two more for a white photo in the options); `b, x`, the best
+/// `x`, `r, D, D^½`, the candidate, a product and four work vectors (five for an operator that is not symmetric).
 ///
 /// References: The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for all pairs at once:
 /// Dennis and Moré (1977), doi:10.1137/1019005. Minimal residuals over all products taken: Eirola and Nevanlinna (1989),
@@ -58,7 +58,7 @@ enum Next {
 /// If a step reduces the residual by less than this share, the next step photographs the residual.
 const GAIN: f64 = 1e-3;
 
-/// The value of [`GAIN`] with a surrogate, which contributes most of its knowledge in the first steps.
+/// The value that replaces [`GAIN`] if there is a surrogate, which contributes most of its knowledge in the first steps.
 const SURROGATE_GAIN: f64 = 1e-2;
 
 impl KrylovBox {
@@ -177,14 +177,15 @@ impl Recurrence for KrylovBox {
 /// The largest number of iterations. The loop ends earlier when the iterate settles.
 const ITERATIONS: usize = 400;
 
-/// The iteration ends at a relative step below this value. The iterate is photographed next, and the photo corrects larger errors.
+/// The iteration ends when its relative step is below this value. Its result is photographed next, and this photo corrects even larger
+/// errors.
 const SETTLED: f64 = 1e-6;
 
 /// The largest number of steps of a power iteration.
 const POWERS: usize = 12;
 
-/// A power iteration ends when its norm grows by at most this factor per step. Norms never fall, and [`MARGIN`] covers their further
-/// growth.
+/// A power iteration ends when its estimate, the norm of the image of a unit vector, grows by at most this factor per step. The estimate
+/// never falls, and [`MARGIN`] covers its further growth.
 const GROWTH: f64 = 1.001;
 
 /// The factor by which the estimate of a power iteration is increased, to become a bound.

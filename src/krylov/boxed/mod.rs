@@ -39,11 +39,11 @@ impl Bounds {
 /// steps would otherwise be unbounded at this pixel.
 const DARK: f64 = 1e-3;
 
-/// The largest allowed ratio, as a power of two, of the right-hand side to the products of patterns in the box. Even at ratios far below
-/// this limit, no step changes a residual.
+/// The largest allowed ratio, as a power of two, of the right-hand side to the products of patterns in the box. At ratios far below this
+/// limit already, products are too small to change a residual.
 const REACH: i32 = 200;
 
-/// The box of a least-squares problem, and the diagonal `D`. The first iterate is `x0` clipped, or `clip(b / D)`.
+/// The box of a least-squares problem, and the diagonal `D`. The first iterate is `clip(x0)`, or `clip(b / D)` without an `x0`.
 struct Boxed {
     bounds: Bounds,
     /// `D`, with small entries raised; empty until it is known.

@@ -51,7 +51,8 @@ pub(super) struct WorkVectors {
     pub(super) u: Vec<f64>,
     pub(super) y: Vec<f64>,
     pub(super) g: Vec<f64>,
-    /// The vector that `(D^½ M̂)ᵀ D^½ M̂` of a symmetric model multiplies most; zero before the first box problem. Empty for other models.
+    /// The dominant eigenvector of `(D^½ M̂)ᵀ D^½ M̂`, approximately, for a symmetric model; zero before the first box problem. Empty for
+    /// other models.
     pub(super) dominant: Vec<f64>,
     /// Empty for a symmetric model.
     pub(super) next: Vec<f64>,

@@ -219,8 +219,7 @@ impl InnerProducts {
     }
 }
 
-/// Appends a column at the right and a row below. The row is `row`, which ends with the corner. If `row` is `None`, the row equals the
-/// column.
+/// Appends a column at the right and a row below. The last entry of `row` is the corner. If `row` is `None`, the new row equals the column.
 fn append(matrix: &mut Vec<Vec<f64>>, column: Vec<f64>, row: Option<Vec<f64>>) {
     for (row, entry) in matrix.iter_mut().zip(&column) {
         row.push(*entry);

@@ -68,7 +68,8 @@ impl Confirmation<'_> {
         self.options.deflate.iter().chain(&self.found.vectors).cloned().collect()
     }
 
-    /// The last values at the requested lower and upper ends. No value beyond them may be missing.
+    /// The last values found at the requested lower and upper ends of the spectrum. The confirmation searches for missed values beyond
+    /// them.
     fn ends(&self) -> [Option<f64>; 2] {
         let values = &self.found.values;
         let last = values.last().copied();

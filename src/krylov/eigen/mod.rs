@@ -55,7 +55,7 @@ pub struct EigsOptions {
     /// change no eigenvalue by more than its standard error; and `½ ln n` further products have found no eigenvalue that the noise had
     /// hidden. If the tolerance is 0, the search still uses the whole budget. Default 0.
     pub noise: f64,
-    /// The first vector, or the first block ([`Start::block`]). Default: random signs of seed 0.
+    /// The first vector, or the first block ([`Start::block`]). Default: [`Start::Random`] with seed 0.
     pub start: Start,
     /// Known eigenvectors to project out. Default none.
     pub deflate: Vec<Vec<f64>>,
@@ -185,7 +185,7 @@ impl EigsOptions {
 /// # Errors
 /// [`Error::Option`] naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis`, `EigsOptions::noise` or `--which` if its value
 /// cannot be used; the errors of [`Factorization::lanczos`] and [`Factorization::expand`]. If an operator fails, the products taken so far
-/// are lost. To keep them, hold the factorization and use [`eigs_from`].
+/// are lost. To keep them, make the factorization separately and use [`eigs_from`].
 pub fn eigs(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let mut operator = Rescaled::new(operator);
     let found = eigs_of(&mut operator, options);
@@ -228,8 +228,8 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
 const NEAR: f64 = 1e3;
 
 /// Continues the search of [`eigs()`] from a factorization. `options.products` includes the products already in the factorization.
-/// `method`, `start` and `deflate` are ignored. After an error, `factorization` holds all steps up to the product that failed, and another
-/// call continues from there. Fails with the errors of [`eigs()`].
+/// `method`, `start` and `deflate` of the options are ignored. After an error, `factorization` holds all steps up to the product that
+/// failed, and another call continues from there. Fails with the errors of [`eigs()`].
 pub fn eigs_from(
     factorization: &mut Factorization,
     operator: &mut dyn Operator,

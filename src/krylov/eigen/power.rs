@@ -11,9 +11,9 @@ use crate::operator::{Operator, Symmetry, check_square};
 
 /// Power iteration, `x ← A x / ‖A x‖`, the paper's Algorithm 1: finds the eigenpair `A x = θ x` of largest magnitude of an `A` of `n × n`.
 ///
-/// The product that makes the next vector also gives the Rayleigh quotient `θ = xᵀA x` and the residual `A x − θ x`, so neither costs a
-/// further product. The result is the vector before the last product. Each product multiplies the error by `|λ₂/λ₁|`. Lanczos converges
-/// faster, at a rate of about `2 √gap`. Known vectors are projected out of every product.
+/// The product that makes the next vector also gives the Rayleigh quotient `θ = xᵀA x` and the residual `A x − θ x`. They cost no further
+/// product. The result is the vector before the last product. Each product multiplies the error by `|λ₂/λ₁|`. Lanczos converges faster, at
+/// a rate of about `2 √gap`. Known vectors are projected out of every product.
 ///
 /// The method stores four vectors of `n`. `which` must be [`Which::LargestMagnitude`], or [`Which::LargestAlgebraic`] if the dominant
 /// eigenvalue is known to be positive (as for a matrix without negative entries: Perron). `count` must be 1.

@@ -1,4 +1,4 @@
-//! Krylov factorizations `A V = V⁺ H`, the source of eigenpairs.
+//! Krylov factorizations `A V = V⁺ H`, from which eigenpairs are computed.
 
 mod ritz;
 mod save;
@@ -45,16 +45,16 @@ pub enum ProcessKind {
     /// A block Lanczos factorization of a symmetric operator `A` of `n × n`, with full reorthogonalization.
     ///
     /// After `m` steps from a block of `b` vectors, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric with `b` diagonals on each
-    /// side of the main diagonal, and `W` the `p ≤ b` waiting vectors,
+    /// side of the main diagonal, and `W` the `p ≤ b` vectors that wait for their product,
     ///
     /// ```text
     /// A V = V T + W B,    [V W]ᵀ[V W] = I,    Qᵀ[V W] = 0
     /// ```
     ///
-    /// where `Q` are known vectors that are projected out (see [`ProcessKind::Lanczos`]). A process from a single start vector finds one
-    /// vector of each eigenspace. A process from `b` start vectors finds `b` vectors of each eigenspace, and so all copies of an eigenvalue
-    /// that is repeated up to `b` times. One round over the block costs `b` products and raises the polynomial degree by one, like one
-    /// Lanczos step.
+    /// where `B = WᵀAV`, and `Q` are known vectors that are projected out (see [`ProcessKind::Lanczos`]). A process from a single start
+    /// vector finds one vector of each eigenspace. A process from `b` start vectors finds `b` vectors of each eigenspace, and so all copies
+    /// of an eigenvalue that is repeated up to `b` times. One round over the block costs `b` products and raises the polynomial degree by
+    /// one, like one Lanczos step.
     ///
     /// A step takes one product (Ruhe's band form), so the process can stop and resume within a block. The products with the waiting
     /// vectors may be taken together before their steps ([`Factorization::multiply_block`]). The block becomes narrower if a product lies
@@ -107,7 +107,7 @@ pub struct Factorization {
     /// Columns `Q`, then `v_1 … v_{m+p}`.
     basis: Basis,
     known: usize,
-    /// The number of vectors that start the process. As many random vectors continue the process if its subspace is invariant.
+    /// The number of vectors that start the process. If the subspace is invariant, the same number of random vectors continues the process.
     block: usize,
     /// For each step, the coefficients of `A v_j` on `Q, v_1, …`, up to the vector that the step appended.
     columns: Vec<Vec<f64>>,
@@ -375,7 +375,7 @@ impl Factorization {
     }
 
     /// `v_{m+1} … v_{m+p}`: orthonormal vectors of length `n`, which the next steps multiply. The last vector may have parts along the
-    /// others of up to 1e-12, which are usually far smaller. The next step removes these parts.
+    /// other basis vectors of up to 1e-12. They are usually far smaller. The next step removes these parts.
     pub fn waiting(&self) -> &[Vec<f64>] {
         &self.basis.columns()[self.known + self.steps()..]
     }
@@ -571,7 +571,8 @@ mod tests {
         }
     }
 
-    /// The smaller share of the first two slow waves in the span of two Ritz vectors after twelve products.
+    /// Measures how much of each of the first two slow waves lies in the span of two Ritz vectors after twelve products. Returns the
+    /// smaller share.
     fn found(filter: Option<Filter>) -> Result<f64> {
         let start: Vec<f64> = (0..N).map(|i| 1.0 + i as f64 / N as f64 + wave(1)[i] + wave(2)[i]).collect();
         let mut process = Factorization::block_lanczos(&[start], &[])?;

@@ -97,7 +97,7 @@ pub struct RitzPair {
     /// the other eigenvalues, as far as the subspace shows them. It is infinite if there is no other Ritz value, and 0 for a general
     /// operator.
     pub gap: f64,
-    /// The condition number of `θ` as an eigenvalue of `H`: 1 for a symmetric operator, infinite for a defective one.
+    /// The condition number of `θ` as an eigenvalue of `H`: 1 for a symmetric operator, infinite for a defective `θ`.
     pub condition: f64,
     /// An allowance for rounding errors in `θ`, a small multiple of `ε ‖A‖`.
     pub rounding: f64,
@@ -108,8 +108,8 @@ pub struct RitzPair {
     /// reveals a part of the operator's systematic errors. The value is 0 for a general operator, and for an operator that states no
     /// errors.
     pub asymmetric: f64,
-    /// The part of the residual outside the subspace that the errors of the corresponding products do not explain. It limits how far `θ`
-    /// may change with more products.
+    /// The part of the residual that lies outside the subspace, and that the errors of the products causing it do not explain. It limits
+    /// how far `θ` may change with more products.
     pub unresolved: f64,
     /// `s` (its real part), of length `m`. The real and imaginary parts together have norm 1.
     pub coefficients: Vec<f64>,
@@ -160,9 +160,9 @@ impl RitzPair {
         evenly(noise, n).hypot(self.asymmetric).hypot(unresolved)
     }
 
-    /// A limit for the residual of the true operator along the directions that matter. It combines two parts: the part of the residual that
-    /// the stated errors of the products do not explain, and the component of these errors along a single direction of `n` entries. If no
-    /// errors are stated, the limit is the residual itself.
+    /// A limit for the residual of the true operator that includes noise only along one direction. It combines two terms: the part of the
+    /// residual that the stated errors of the products do not explain, and the component of these errors along any one direction of the
+    /// space. If no errors are stated, the limit is the residual itself.
     pub fn beyond_noise(&self, n: usize) -> f64 {
         let unexplained = (self.residual * self.residual - self.noise * self.noise).max(0.0);
         (unexplained + evenly(self.noise, n).powi(2)).sqrt()

@@ -55,7 +55,7 @@ impl Shadowed {
         Ok(ratio)
     }
 
-    /// Writes `A M⁻¹ v` to the system's `work`. If `v` is `None`, the residual takes its place.
+    /// Writes `A M⁻¹ v` to the system's `work`. If `v` is `None`, `v` is the residual.
     fn product(&mut self, system: &mut System, operator: &mut dyn Adjoint, v: Option<&[f64]>) -> Result<()> {
         system.inverse.apply(v.unwrap_or(&system.r), &mut self.hat)?;
         system.tally.product(operator, &self.hat, &mut system.work)

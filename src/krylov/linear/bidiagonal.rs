@@ -170,7 +170,7 @@ impl Recurrence for Lsqr {
                 self.phi *= s;
                 self.cosine = c;
                 self.ratio = s / rho;
-                // r_k = s² r_{k−1} + (φ̄ c, with the sign of the rotation) u_{k+1}
+                // r_k = s² r_{k−1} − φ̄ c u_{k+1}, with the new φ̄.
                 let along = -c * self.phi;
                 update(&mut system.r, &self.process.u, |r, u| s * s * r + along * u);
                 system.note_residual();

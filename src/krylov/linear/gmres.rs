@@ -10,7 +10,7 @@ use crate::operator::Adjoint;
 /// GMRES(m): solves `min ‖b − A x‖₂` over the Krylov space, for any square `A` of `n × n`.
 ///
 /// With the preconditioner on the right (`A M⁻¹ u = b`), the method minimizes the true residual. With the preconditioner on the left
-/// (`M⁻¹ A x = M⁻¹ b`), it minimizes `‖M⁻¹ r‖`, and also keeps the products, to report the true residual without a further product. The
+/// (`M⁻¹ A x = M⁻¹ b`), it minimizes `‖M⁻¹ r‖`. It then also keeps the products, to report the true residual without a further product. The
 /// flexible form ([`Gmres::flexible`], FGMRES) keeps each preconditioned vector, and `M` may differ from step to step.
 ///
 /// `‖r‖` (or `‖M⁻¹ r‖` with the preconditioner on the left) falls monotonically, also across restarts. The method needs no transpose. A

@@ -115,7 +115,7 @@ const RISE: f64 = 1e-14;
 /// (1975), doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements and Fast
 /// Iterative Solvers*, algorithm 4.1, doi:10.1093/acprof:oso/9780199678792.001.0001.
 pub struct Minres {
-    /// The previous and the current Lanczos vector, orthonormal in `M⁻¹`.
+    /// The previous and the current Lanczos vector, orthonormal in the inner product of `M⁻¹`.
     v_old: Vec<f64>,
     v: Vec<f64>,
     /// `M⁻¹ v` of both vectors.

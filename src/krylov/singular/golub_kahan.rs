@@ -1,4 +1,4 @@
-//! The bidiagonalization: two bases, and the coefficients of the products on them.
+//! The Golub–Kahan process: two bases, and the coefficients of the products on these bases.
 
 use faer::Mat;
 

@@ -21,7 +21,7 @@ use crate::operator::Symmetry;
 use crate::rig::{DeviceOpener, Helper, VirtualRig, VirtualScene};
 use crate::transport::Channels;
 
-/// The largest relative difference between the aspect ratios of two devices that count as the same shape. One row of 64 is 1.6 %.
+/// The largest relative difference between the aspect ratios of two devices of the same shape. A difference of one row in 64 is 1.6 %.
 const SAME_SHAPE: f64 = 0.02;
 
 /// A rig that can be opened.
@@ -33,7 +33,7 @@ pub struct RigSource {
     pub calibration: Calibration,
     /// Whether the calibration was measured.
     pub is_calibrated: bool,
-    /// The devices. The given settings of the tracer replace those in the file of a virtual scene.
+    /// The devices. Tracer settings that the caller gives have replaced the settings in the file of a virtual rig.
     devices: RigKind,
     /// The virtual rig's scene, if it must be traced.
     scene: Option<SceneSource>,
@@ -53,8 +53,8 @@ pub(in crate::lab) struct Handed {
 }
 
 impl RigSource {
-    /// Reads the rig file, the files that it names, and the calibration. The given settings of the tracer replace those in the file of a
-    /// virtual rig; they are refused if nothing is traced. Fails if the file, the calibration or the scene cannot be loaded.
+    /// Reads the rig file, the files that it names, and the calibration. Tracer settings that the caller gives replace the settings in the
+    /// file of a virtual rig. They are refused if nothing is traced. Fails if the file, the calibration or the scene cannot be loaded.
     pub(in crate::lab) fn open(
         path: &Path,
         program: &Handed,

@@ -69,7 +69,7 @@ impl Drop for Device {
     }
 }
 
-/// Reports which part of the camera's picture is outside photos of this resolution. The picture may be wider than the photos.
+/// Reports the fraction of the camera's picture that photos of this resolution cut off, if the picture is wider than the photos.
 fn note_crop(scene: &Scene, resolution: Resolution, observer: &SharedObserver) {
     let camera = &scene.camera;
     let Some((share, aspect)) = camera.cropped(resolution).zip(camera.aspect) else { return };
@@ -143,7 +143,7 @@ impl SceneSource {
         })
     }
 
-    /// The same scene, traced with these settings from now on. The two sources do not share a matrix.
+    /// A source of the same scene with these settings. The two sources do not share a matrix.
     pub(in crate::lab) fn with_settings(&self, settings: TraceSettings) -> Self {
         Self { settings, kept: Arc::default(), ..self.clone() }
     }
@@ -306,7 +306,7 @@ impl SceneSource {
     }
 }
 
-/// If there is a team, its other processes help to trace the scene.
+/// Lets the other processes of a team, if there is one, help to trace the scene.
 fn share(tracer: &mut Tracer, scene: &Scene, settings: &Settings, observer: &SharedObserver) -> Result<()> {
     let Some(team) = settings.team.as_ref().filter(|team| team.size() > 1) else { return Ok(()) };
     transport::share_scene(tracer, scene, settings.adapter.as_deref(), team)?;

@@ -168,7 +168,8 @@ impl LightTransport {
         Ok(Self { engine: retracing(scene, channels, true), ..retraced })
     }
 
-    /// Keeps a simulator's direct light, noise and ambient light beside its photos, so that the run's folder alone can be relit.
+    /// Stores the direct light, the noise and the ambient light of a traced scene in the journal. The run's folder then suffices to relight
+    /// the scene.
     fn keep_known(&mut self) -> Result<()> {
         let Self { engine: Engine::Replayed(traced), journal: Some(journal), .. } = self else {
             return Ok(());
@@ -227,7 +228,7 @@ fn of_scene(
         OperatorChoice::Retrace => true,
         OperatorChoice::Auto => {
             let limit = settings.memory_limit();
-            // Each process holds about the same share of the matrix, so the limit applies to each share.
+            // Each process holds about the same fraction of the matrix, and the limit applies to each process.
             let processes = settings.team.as_ref().map_or(1, |team| team.size());
             let whole = limit.saturating_mul(processes as u64);
             let needed =
@@ -254,7 +255,7 @@ fn retracing(scene: &SceneSource, channels: Channels, states_errors: bool) -> En
     Engine::Retraced(Retracing { scene: Box::new(scene.clone()), channels, states_errors })
 }
 
-/// The bytes of memory for the photos of a scene without a matrix. The option `--memory` may set a lower limit, but only for a matrix.
+/// The memory limit in bytes for photos that are traced without a matrix. If `--memory` sets a lower limit, it applies only to matrices.
 fn without_matrix(settings: &Settings) -> u64 {
     settings.memory_limit().max(Settings::default().memory_limit())
 }

@@ -41,7 +41,7 @@ impl Lab {
             Source::Scene(scene) => {
                 let mut tracer = scene.tracer();
                 let settings = with_other_seed(&scene.settings);
-                // The noise is estimated from two halves of the samples.
+                // The noise is estimated from two halves of the samples, so at least two samples are necessary.
                 if settings.samples < 2 {
                     return Ok(None);
                 }
@@ -73,7 +73,7 @@ impl Lab {
         if matches!(self.source, Source::Rig(_))
             && let Some(rig) = lock(self.transport()?).rig()
         {
-            // The predicted and the independent photo are each rounded to the projector's levels. Their errors are independent, hence √2.
+            // For each of the two photos, the pattern is rounded to the projector's levels. The two errors are independent, hence √2.
             let rounding = rig.measurement.rounding(&found.pattern)?;
             predicted.iter_mut().zip(rounding).for_each(|(one, norm)| one.stated = SQRT_2 * norm);
         }

@@ -28,8 +28,8 @@ use crate::transport::{EstimatedProduct, Part, Question, Squares};
 /// The variance of a prediction's noise relative to that of the independent photo, if both use the same number of light paths.
 const AS_MANY_PATHS: f64 = 1.0;
 
-/// The same ratio for two photos of a rig. The standard errors that a rig states are true to a factor of 1.3 (`stated_errors_of_rigs`), so
-/// the sum of both variances may be 1.3² times the stated sum.
+/// The same ratio for two photos of a rig. The standard errors that a rig states are correct to a factor of 1.3 (`stated_errors_of_rigs`),
+/// so the sum of both variances may be 1.3² times the sum of the stated variances.
 const AS_A_RIG_STATES: f64 = 2.0 * 1.3 * 1.3 - 1.0;
 
 /// In 999 of 1000 cases, a sum of residuals with random signs is at most this factor times the root of the sum of their squares.
@@ -52,7 +52,7 @@ struct Eigenpairs<'a> {
     weights: &'a [f64],
     /// The shift of each vector's [`Question`].
     shifts: &'a [f64],
-    /// The residual of each vector, for a vector of norm 1 in the norm of `W^-½`.
+    /// The residual `‖W^-½ (P u − λ W u)‖` of each vector `u` with `uᵀ W u = 1`.
     residuals: &'a [f64],
 }
 
@@ -66,14 +66,14 @@ pub struct VerifiedEigenpairs {
     pub verification: Verification,
     /// Estimates of the scene's eigenpairs, one for each pair found. There are none for a rig, since its photo shows all pairs together.
     pub estimates: Vec<EigenpairEstimate>,
-    /// For each number of groups, the share of the pixels that independent light assigns to the same group. It limits the confidence of the
-    /// labels, and is 0 if the verification fails. The list is empty for eigenpairs alone.
+    /// For each number of groups, the fraction of the pixels that independent light assigns to the same group as the segmentation. It
+    /// limits the confidence of the labels, and is 0 if the verification fails. The list is empty for eigenpairs alone.
     pub supported: Vec<(usize, f64)>,
 }
 
 impl VerifiedEigenpairs {
     /// The number of eigenvectors that are only noise of the matrix, in a segmentation that counts `regions` regions. Under independent
-    /// light, such an eigenvector keeps a smaller share of its light than [`KEPT`].
+    /// light, such an eigenvector keeps a smaller fraction of its light than [`KEPT`].
     pub fn refuted(&self, regions: usize) -> usize {
         let counted = self.estimates.iter().take(regions.saturating_sub(1));
         counted.filter(|estimate| estimate.quotient[0] + 2.0 * estimate.quotient[1] < KEPT).count()
@@ -82,7 +82,8 @@ impl VerifiedEigenpairs {
 
 impl Lab {
     /// Verifies eigenpairs of one part of the light transport matrix. For a scene, light paths with another seed give the product of each
-    /// eigenvector. For a rig, one photo shows the sum of all, with random signs. `None` without independent light or for complex pairs.
+    /// eigenvector. For a rig, one photo shows the sum of all eigenvectors with random signs. Returns `None` without independent light or
+    /// for complex pairs.
     pub fn verify_eigenpairs(&mut self, part: Part, found: &Eigs) -> Result<Option<VerifiedEigenpairs>> {
         if found.imaginary_values.iter().any(|&value| value != 0.0) || found.values.is_empty() {
             return Ok(None);
@@ -176,7 +177,7 @@ impl Lab {
         };
         let compared: Vec<Compared> = photos.iter().zip(&products).zip(stated).map(compared).collect();
         let verification = self.checked(by, "photos of the eigenvectors", &compared, |at| {
-            // The quotient of an eigenvector, the share of light that it keeps, shows whether it is only noise of the matrix.
+            // The quotient of an eigenvector is the fraction of light that it keeps. It shows whether the vector is only matrix noise.
             let estimate: &EigenpairEstimate = estimates.get(at)?;
             let [kept, error] = estimate.quotient;
             Some(format!(
@@ -246,7 +247,7 @@ impl Lab {
         self.verify(Part::Full, "the photo of a checkerboard", &predicted)
     }
 
-    /// Patterns and predicted photos with ambient light, by channel.
+    /// The pairs of patterns and predicted photos, ordered by channel. The ambient light is subtracted from the photos.
     fn predicted(&self, photos: &[(&Image, &Image)], ambient: &Image) -> Vec<Predicted> {
         let of = |&(pattern, photo): &(&Image, &Image)| {
             let planes = photo.planes().into_iter().zip(ambient.planes()).enumerate();
@@ -334,7 +335,7 @@ fn compared(by: Independent, squares: Squares, stated: f64) -> Compared {
     Compared { squares, own, stated, is_frozen, signs: None }
 }
 
-/// Compares a predicted photo with a product. The errors that light paths give are draws of the noise.
+/// Compares a predicted photo with an independent product. For light paths, the errors of the product are random draws of its noise.
 fn of_product(by: Independent, product: &EstimatedProduct, photo: &[f64], stated: f64) -> Compared {
     let compared = compared(by, product.squares(photo), stated);
     let signs = compared.is_frozen.then(|| product.signs(photo, compared.own, compared.allowed()));
@@ -346,7 +347,8 @@ fn photos_compared(by: Independent, predicted: &[Predicted], products: &[Estimat
     each.map(|(one, product)| of_product(by, product, &one.photo, one.stated)).collect()
 }
 
-/// The coordinates of pixels along the eigenvectors, or along their one sum: by the segmentation, and by independent light.
+/// The coordinates of pixels by the segmentation, and by independent light. The axes are the eigenvectors, or the one sum of them that a
+/// rig has photographed.
 fn coordinates(
     found: &Segmentation,
     pairs: &Eigenpairs<'_>,
@@ -389,7 +391,7 @@ impl Eigenpairs<'_> {
         self.vectors.iter().zip(self.values).map(photo)
     }
 
-    /// Multiplies a photo by `W^-½`. In the resulting norm, a generalized eigenvector has norm 1.
+    /// Multiplies a photo by `W^-½`. The photo `λ W u` of an eigenvector with `uᵀ W u = 1` then has the norm `|λ|`.
     fn unit(&self, photo: &[f64]) -> Vec<f64> {
         let each = photo.iter().zip(self.weights);
         each.map(|(y, weight)| if *weight > 0.0 { y / weight.sqrt() } else { 0.0 }).collect()

@@ -33,7 +33,7 @@ pub struct Swatch {
 }
 
 impl Legend {
-    /// The groups of a label image with their numbers and their shares of the pixels: `group 0: 34 %`. Masked pixels come last.
+    /// The groups of a label image with their numbers and their percentages of the pixels: `group 0: 34 %`. Masked pixels come last.
     pub fn of_labels(labels: &[u8]) -> Self {
         Self::of_painted_labels(labels, &Palette::default())
     }

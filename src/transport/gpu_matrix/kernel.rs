@@ -15,10 +15,10 @@ pub(super) struct Limits {
     pub(super) rows: usize,
 }
 
-/// The limits for a GPU. 2²⁷ entries take a gigabyte, which even a slow GPU reads in a tenth of a second.
+/// The limits of a dispatch on a GPU. 2²⁷ entries take a gigabyte, which even a slow GPU reads in a tenth of a second.
 const ON_GPU: Limits = Limits { entries: 1 << 27, rows: 1 << 24 };
 
-/// The limits for software Vulkan. Two cores take some 50 ms for this many entries, or for this many rows (measured).
+/// The limits of a dispatch on software Vulkan. Two cores take some 50 ms for this many entries, or for this many rows (measured).
 const ON_PROCESSOR: Limits = Limits { entries: 1 << 22, rows: 1 << 15 };
 
 impl Limits {
@@ -106,7 +106,7 @@ struct Parameters {
     padding: u32,
 }
 
-/// What is added to the sum over a row's entries, as flags of `shaders/product.wgsl`.
+/// The terms that are added to the sum over a row's entries. They are flags of `shaders/product.wgsl`.
 #[derive(Clone, Copy)]
 pub(super) struct Terms {
     pub(super) diagonal: bool,
@@ -117,7 +117,7 @@ pub(super) struct Terms {
 pub(super) struct Kernel {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
-    /// A placeholder that is bound in place of buffers that are not read.
+    /// A placeholder for buffers that a dispatch does not read.
     nothing: wgpu::Buffer,
 }
 
@@ -138,8 +138,8 @@ impl Kernel {
         })
     }
 
-    /// The dispatch that writes the sums of these rows to the photo. A sum has the products of a band's entries in one channel, if there is
-    /// a band, and the terms that `terms` selects. The last argument has the diagonal, the pattern and the photo.
+    /// The dispatch that writes the sums of these rows to the photo. A sum adds the products of a band's entries in one channel, if `band`
+    /// is given, and the terms that `terms` selects. The last argument consists of the diagonal, the pattern and the photo.
     pub(super) fn step(
         &self,
         gpu: &Gpu,
@@ -180,7 +180,7 @@ fn bits(terms: Terms) -> u32 {
     u32::from(terms.diagonal) << 1 | u32::from(terms.adds) << 2
 }
 
-/// The numbers of workgroups in two dimensions for `rows` rows. The second number is as small as possible.
+/// The numbers of workgroups in two dimensions that cover `rows` rows. The second number is as small as possible.
 fn workgroups(rows: u32) -> [u32; 2] {
     let groups = rows.div_ceil(ROWS_OF_GROUP);
     let down = groups.div_ceil(MOST_GROUPS).max(1);

@@ -29,7 +29,7 @@ pub struct GpuMatrix {
     rig: RigShape,
     layers: Vec<DeviceLayer>,
     diagonals: Vec<wgpu::Buffer>,
-    /// Whether direct light is a diagonal. If not, the buffers of the diagonal, above, are empty.
+    /// Whether direct light is a diagonal. If not, `diagonals` has empty buffers.
     has_diagonal: bool,
     limits: Limits,
     /// The pattern and the photo. Each buffer has the length of the longer vector, because the transpose exchanges their roles.
@@ -92,7 +92,8 @@ impl GpuMatrix {
         self.take(&mut self.state(), Product { direction: Direction::Forward, part, channel }, x, y)
     }
 
-    /// Multiplies with `matrix`, of which this is the copy. If the rig is not coaxial, the transpose is copied at first use.
+    /// Computes a product. `matrix` must be the matrix that was copied to the device. If the rig is not coaxial, the transpose is copied at
+    /// first use.
     pub(super) fn multiply(
         &self,
         matrix: &TransportMatrix,
@@ -229,7 +230,7 @@ impl GpuMatrix {
         let copy = |encoder: &mut wgpu::CommandEncoder| {
             (0..count).for_each(|_| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, bytes));
         };
-        // The first run also clears the buffers, so only the second run counts.
+        // The first run also clears the buffers, so only the time of the second run is returned.
         self.time("copies", copy)?;
         self.time("copies", copy)
     }

@@ -70,7 +70,7 @@ pub(in crate::transport) fn coaxial() -> Assembled {
     Assembled { matrix, ambient, noise: None, summary: TraceSummary::default(), gpu_matrix: None }
 }
 
-/// A projector beside the camera with fewer pixels. Direct light is a layer.
+/// A rig whose projector is beside the camera and has fewer pixels. Direct light is a layer.
 fn apart() -> TransportMatrix {
     let random = &mut Pcg64::seed_from_u64(2);
     let rig =
@@ -119,7 +119,8 @@ fn magnitudes(
     let mut sums = vec![(0.0, 0); if is_transposed { csr.cols() } else { csr.rows() }];
     csr.entries().for_each(|(row, column, weight)| {
         let sum = &mut sums[if is_transposed { column } else { row }];
-        // The diagonal and the layers may have entries at the same position, which are a single entry here. It is counted as three terms.
+        // Up to three entries of the diagonal and the layers have the same position, and are a single entry here. It is counted as three
+        // terms.
         *sum = (sum.0 + weight.abs(), sum.1 + 3);
     });
     sums

@@ -17,7 +17,7 @@ use crate::transport::scaling::pilot;
 use crate::transport::wire::{self, unread};
 use crate::transport::{Channels, RigShape, TransportMatrix, from_planes};
 
-/// The leader's message after the trace. The processes either continue, or drop their contributions.
+/// The leader's messages after the trace. With `GO_ON`, the processes continue. With `STOP`, they drop their contributions.
 const GO_ON: u8 = 1;
 const STOP: u8 = 0;
 
@@ -60,7 +60,7 @@ pub(in crate::transport) fn assemble<const C: usize>(
     Ok(traced)
 }
 
-/// The traced scene from the contributions of all its pixels.
+/// Assembles the traced scene from the contributions of all its pixels.
 pub(in crate::transport) fn of_share<const C: usize>(
     share: Share<C>,
     rig: RigShape,
@@ -96,8 +96,8 @@ pub(super) fn assemble_part<const C: usize>(
     Ok(Some(matrix))
 }
 
-/// The contributions that this process traced, once every process has traced its own. Those of the leader have the total cost. If one
-/// process fails, the leader returns an error, and the others return `None`.
+/// Waits until every process has traced its paths. Returns the contributions that this process traced. In the leader, they come with the
+/// total cost of all processes. If one process fails, the leader returns an error, and the others return `None`.
 fn agree<const C: usize>(comm: &dyn Comm, share: Result<Share<C>>) -> Result<Option<Share<C>>> {
     if comm.rank() > 0 {
         answer(comm, share.as_ref().map(|share| share.summary));
@@ -120,7 +120,8 @@ fn agree<const C: usize>(comm: &dyn Comm, share: Result<Share<C>>) -> Result<Opt
 }
 
 impl<const C: usize> Own<C> {
-    /// Traces this process's pixels, exchanges the contributions, and merges those to its rows. Returns `None` as [`agree`] does.
+    /// Traces this process's pixels, exchanges contributions, and merges the contributions to this process's rows. Returns `None` as
+    /// [`agree`] does.
     fn trace(
         comm: &dyn Comm,
         tracer: &mut Tracer,
@@ -154,7 +155,7 @@ impl<const C: usize> Own<C> {
         Ok(Self { matrix, direct, ambient, sums, squares, has_halves, summary })
     }
 
-    /// The traced scene, with the sums of all processes; and the numbers of entries and of bytes that the other processes hold.
+    /// Returns the traced scene with the sums of all processes, and the numbers of entries and of bytes that the other processes hold.
     fn lead(mut self, comm: &dyn Comm) -> Result<(Assembled, [usize; 2])> {
         let (mut nonzeros, mut bytes) = (vec![0_u64; self.matrix.layers.len()], 0);
         for rank in 1..comm.size() {
@@ -162,7 +163,7 @@ impl<const C: usize> Own<C> {
             bytes += of_part;
             nonzeros.iter_mut().zip(of_layers).for_each(|(all, more)| *all += more);
         }
-        // A coaxial pinhole rig has no layer of one bounce, because the diagonal is its direct light. All processes must keep the same
+        // A coaxial pinhole rig has no layer of one bounce, because its direct light is the diagonal. All processes must keep the same
         // layers.
         let keeps = |(layer, &elsewhere): (&Layer, &u64)| {
             layer.bounces() != Bounces::One || layer.nonzeros() > 0 || elsewhere > 0
@@ -214,8 +215,8 @@ impl<const C: usize> Own<C> {
         })
     }
 
-    /// Adds the message of the process with the next pixels. Returns that process's number of entries of each layer, and bytes of all
-    /// layers.
+    /// Adds the message of the process that has the next pixels. Returns the number of entries of each of its layers, and the size of all
+    /// its layers in bytes.
     fn add_part(&mut self, bytes: &[u8]) -> Result<(Vec<u64>, u64)> {
         let mut from = wire::Reader::new(bytes);
         let (nonzeros, size, has_halves): (Vec<u64>, u64, bool) =
@@ -235,7 +236,7 @@ pub(in crate::transport) fn classes(split: bool) -> &'static [Bounces] {
     if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] }
 }
 
-/// The diagonal, `[channel][pixel]`.
+/// The diagonal, indexed by `[channel][pixel]`.
 fn planes<const C: usize>(direct: &[Estimates<C>]) -> Vec<Vec<f32>> {
     let plane = |channel: usize| direct.iter().map(|estimate| estimate[channel][0] as f32).collect();
     (0..C).map(plane).collect()

@@ -22,12 +22,12 @@ use crate::transport::wire::{self, unread};
 /// The steps in which the rows of a matrix are merged. In each step, all processes merge a group of their rows at the same time.
 ///
 /// In a coaxial rig, a contribution counts for two rows: those of the pixels at both ends of its path. In any other rig, it counts only for
-/// the row of its camera pixel. A contribution is needed only in the earliest step of its rows. In the later step, its entry is copied from
-/// the finished rows, which contain the mirror image.
+/// the row of its camera pixel. If its two rows are merged in different steps, a contribution is needed only in the earlier step. In the
+/// later step, its entry is copied from the finished rows, which contain the mirror image.
 #[derive(Debug)]
 pub(in crate::transport) struct Steps {
     symmetric: bool,
-    /// For each process by rank, the groups of its rows, one for each step. The last groups may be empty.
+    /// For each process by rank, the groups of its rows. There is one group for each step, and the last groups may be empty.
     groups: Vec<Vec<Range<usize>>>,
     of_pixel: Vec<u8>,
 }
@@ -86,7 +86,7 @@ pub(in crate::transport) fn steps(comm: &dyn Comm, rig: RigShape, pixels: &[Star
         return Ok(Steps::one(rig));
     }
     let mine = &pixels[comm.rank()].camera;
-    // The number of threads of a process determines its groups.
+    // The groups of a process depend on its number of threads, so the processes tell each other their groups.
     let ends: Vec<usize> = tiles::groups(mine.len()).iter().map(|group| mine.start + group.end).collect();
     let message = to_bytes(&ends)?;
     let all = comm.exchange(vec![message; comm.size()]);
@@ -108,11 +108,11 @@ pub(in crate::transport) struct Combined<const C: usize> {
 }
 
 /// Merges the contributions of all processes to this process's rows, in `classes` layers. `found` has the contributions that this process
-/// traced, by step, and within a step by ascending start pixel with camera pixels first. `direct` is the diagonal of this process's rows,
-/// with mean and error for each channel, or empty. Every process of the team must call this function.
+/// traced, ordered by step. Within a step, camera pixels come before projector pixels, and start pixels ascend. `direct` is the diagonal of
+/// this process's rows, with mean and error for each channel, or empty. Every process of the team must call this function.
 ///
-/// A single process merges all rows of a coaxial rig in one step, but only from the diagonal on; tiles below the diagonal are copied. In a
-/// team, each process merges one group of its rows in each step.
+/// A single process merges all rows of a coaxial rig in one step, but only the entries on and above the diagonal. The entries below it are
+/// copied. In a team, each process merges one group of its rows in each step.
 pub(in crate::transport) fn merge<const C: usize>(
     comm: &dyn Comm,
     rig: RigShape,
@@ -127,7 +127,7 @@ pub(in crate::transport) fn merge<const C: usize>(
     let rows = sums_of_rows(comm, rig, steps, &found, direct)?;
     let Found { steps: found, about } = found;
     let builder = |&entries: &usize| {
-        // In a coaxial rig, about as many paths from other pixels end at these pixels.
+        // In a coaxial rig, about as many entries come from the paths of other pixels that end at these pixels.
         let entries = if rig.symmetric { 2 * entries } else { entries };
         Builder::new([mine.len(), rig.projector.pixels()], C, entries, triangle)
     };
@@ -161,8 +161,8 @@ pub(in crate::transport) fn merge<const C: usize>(
     Ok(Combined { layers: layers.into_iter().map(Builder::finish).collect(), rows, squares })
 }
 
-/// Sends to each process the contributions to its wanted rows. Returns all contributions to this process's rows, by ascending rank. `own`
-/// are the contributions of this step that this process traced.
+/// Sends to each process the contributions to its rows in `wanted`. Returns all contributions to this process's rows, by ascending rank of
+/// the sender. `own` are the contributions of this step that this process traced.
 fn exchange<const C: usize>(
     comm: &dyn Comm,
     rig: RigShape,
@@ -200,7 +200,7 @@ fn sums_of_rows<const C: usize>(
     let scale = Scale::new(all.into_iter().max().unwrap_or(0));
     let chunks: Vec<&Chunk<C>> = found.chunks().collect();
     let mut sums = row_sums(&chunks, rig, scale);
-    // Each process adds the sums of the other processes for its own rows.
+    // Each process adds the other processes' sums to its own sums, for its own rows.
     let message = |(rank, rows): (usize, Range<usize>)| {
         let others = if rank == comm.rank() { &[] } else { &sums[rows] };
         wire::message(|to| wire::put::<i128>(to, others.as_flattened().as_flattened()))

@@ -3,9 +3,9 @@
 //!
 //! Every sum is taken in the order of a single process, so the bits do not depend on the number of processes:
 //!
-//! * A row of the matrix gets contributions from the paths of its own pixel, and from paths of other pixels that end there. Each process
-//!   sends contributions of the second kind to the process that holds the row (`exchange`), which merges them by ascending start pixel. In
-//!   a symmetric matrix, one process merges an entry, and the mirror image is a copy.
+//! * A row of the matrix gets contributions from the paths of its own pixel, and from paths of other pixels that end at this pixel. Each
+//!   process sends contributions of the second kind to the process that holds the row (`exchange`), which merges them by ascending start
+//!   pixel. In a symmetric matrix, one process merges an entry, and the mirror image is a copy.
 //! * Sums over rows and over all entries, from which the noise is computed, are exact, so they do not depend on the order (`exchange`).
 //! * An entry of a product is the sum over the entries of a row from left to right. The process that holds the row computes this sum, and
 //!   the leader collects all rows ([`Spread`]). The transpose of a rig that is not coaxial is spread by projector pixels at first use.
@@ -51,10 +51,10 @@ pub(super) struct Spread {
     remote: Remote,
     /// The pixels of each process, by rank. The rows of the matrix are camera pixels, and the rows of the transpose are projector pixels.
     pub(super) pixels: Vec<StartPixels>,
-    /// The number of entries that other processes hold, and the bytes that these entries take there.
+    /// The number of entries that other processes hold. `bytes` is the memory that these entries take there.
     pub(super) nonzeros: usize,
     pub(super) bytes: usize,
-    /// Set once each process has its rows of the transpose.
+    /// This is set once each process has its rows of the transpose.
     is_transposed: OnceLock<()>,
 }
 
@@ -89,7 +89,7 @@ impl Spread {
         }
     }
 
-    /// The layers with all rows. `own` has the rows of this process.
+    /// Collects all rows of the layers. `own` has the rows of this process.
     pub(super) fn gathered(&self, own: &[Layer]) -> Result<Vec<Layer>> {
         let layer = |(at, own): (usize, &Layer)| {
             let mut rows = vec![own.to_rows()];
@@ -146,7 +146,8 @@ fn transpose_part(comm: &dyn Comm, own: &TransportMatrix, pixels: &[StartPixels]
     }
 }
 
-/// This process's rows of a product: its camera pixels; or its projector pixels, for the transpose of a matrix that is not symmetric.
+/// This process's rows of a product. These are its camera pixels or, for the transpose of a matrix that is not symmetric, its projector
+/// pixels.
 fn own_rows<'a>(matrix: &TransportMatrix, product: Product, pixels: &'a StartPixels) -> &'a Range<usize> {
     if is_transposed(matrix, product) { &pixels.projector } else { &pixels.camera }
 }
@@ -322,12 +323,12 @@ impl SceneWorker {
             Channels::Rgb => assembly::assemble_part::<3>(comm, tracer, settings, of, pixels),
         };
         tracer.observe(Arc::new(()));
-        // The leader and the other processes wait for this one, so an unreadable message must end the team.
+        // The leader and the other processes wait for this process, so an unreadable message must end the team.
         matrix.expect("all processes run the same program")
     }
 }
 
-/// Stops a trace when a message from the leader arrives. During a trace, the leader sends one only if it continues without this trace.
+/// Stops a trace when a message from the leader arrives. During a trace, the leader sends a message only if it no longer needs the trace.
 struct StopByLeader(Arc<dyn Comm>);
 
 impl Observer for StopByLeader {

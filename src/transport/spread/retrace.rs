@@ -59,7 +59,8 @@ fn trace_all(
     Ok(())
 }
 
-/// Traces this process's ranges for the leader, one range ahead of the leader, until all are done or the leader says that it needs no more.
+/// Traces this process's ranges for the leader, one range ahead of the leader. It stops when all ranges are done, or when the leader needs
+/// no more.
 pub(super) fn trace_part(comm: &Arc<dyn Comm>, tracer: Option<&mut Tracer>, settings: &TraceSettings) {
     match tracer {
         None => answer::<()>(&**comm, Err(garbled("no such scene"))),
@@ -79,7 +80,7 @@ pub(super) fn trace_part(comm: &Arc<dyn Comm>, tracer: Option<&mut Tracer>, sett
             tracer.observe(Arc::new(()));
         }
     }
-    // An empty message ends this process's replies. Then it receives the leader's last message.
+    // An empty message ends this process's replies. Then the process receives the leader's last message.
     comm.send(0, &[]);
     comm.receive(0);
 }
@@ -100,8 +101,8 @@ fn ranges(tracer: &Tracer, settings: &TraceSettings) -> Vec<StartPixels> {
         .collect()
 }
 
-/// The number of light paths from a range of pixels. It is approximate for a projector that stands apart, which has about as many paths
-/// from each pixel as the camera.
+/// The number of light paths from a range of pixels. It is approximate for a projector that stands apart, because the number of paths from
+/// a projector pixel is only about that of a camera pixel.
 fn paths(range: &StartPixels, settings: &TraceSettings) -> u64 {
     (range.camera.len() + range.projector.len()) as u64 * u64::from(settings.samples)
 }
@@ -150,7 +151,7 @@ mod tests {
             found[..camera].iter().all(|part| part.projector.is_empty()),
             "the camera's paths come first"
         );
-        // A pixel with more paths than a range should have is a range of its own, and no range is empty.
+        // A pixel with more paths than a range should have becomes a range of its own, and no range is empty.
         let few = TraceSettings {
             projector: Some(Resolution::new(1, 1)),
             ..TraceSettings::new(Resolution::new(2, 1), 1 << 18)

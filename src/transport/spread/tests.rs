@@ -61,7 +61,7 @@ struct Case {
     channels: Channels,
 }
 
-/// A coaxial rig in colour; a scene with mirrors, whose paths are gathered; and a projector beside the camera with another size.
+/// A coaxial rig in colour; a scene with mirrors, whose paths are gathered; and a projector of another size beside the camera.
 fn cases() -> Vec<Case> {
     let settings = TraceSettings::new(Resolution::new(13, 11), 6);
     let mut apart = builtin::corner().to_scene();
@@ -81,7 +81,7 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// Two cases whose rows are merged in several steps: a coaxial rig, and a projector beside the camera with another size.
+/// Two cases whose rows are merged in several steps: a coaxial rig, and a projector of another size beside the camera.
 fn cases_of_several_steps() -> Vec<Case> {
     let mut cases = cases();
     let apart = cases.swap_remove(2);
@@ -100,7 +100,7 @@ fn pattern(pixels: usize) -> Vec<f64> {
 
 type Told = (Vec<Vec<f64>>, Vec<f64>, Vec<Csr>);
 
-/// All results that a matrix can give: products with vectors and blocks in both directions, norms, entries, ambient light and noise.
+/// All results of a matrix: products with vectors and blocks in both directions, norms, entries, ambient light and noise.
 fn told(traced: &Assembled) -> Result<Told> {
     let matrix = &traced.matrix;
     let (mut vectors, mut norms, mut entries) = (Vec::new(), Vec::new(), Vec::new());

@@ -73,7 +73,7 @@ fn a_probe_measures_a_small_matrix_of_the_scene() {
         let start = Instant::now();
         let probe = Probe::measure(&mut tracer, &settings).expect("the scene can be traced");
         let whole = start.elapsed().as_secs_f64();
-        // The pilot has at most 128 pixels on a side. This is half of the camera's pixels on each side, and 0.64 of the projector's.
+        // The pilot has at most 128 pixels on a side. Camera sides are therefore halved, and projector sides are multiplied by 0.64.
         let pilot = TraceSettings { resolution: Resolution::new(128, 30), projector: small, ..settings };
         let one = TraceSettings { samples: 1, ..pilot };
         let (paths, per_path) = connections(&mut tracer, &one).expect("the scene can be traced");
@@ -82,13 +82,14 @@ fn a_probe_measures_a_small_matrix_of_the_scene() {
         let share = Share::<1>::trace(&mut tracer, &pilot, &all, false, None);
         let share = share.expect("the scene can be traced");
         let found: usize = share.found.chunks().map(|chunk| chunk.terms.len()).sum();
-        // The expected number of different pixels that are hit if a path hits any of its reachable pixels with equal probability.
+        // `hit` is the expected number of different pixels that are hit if a path hits each of its reachable pixels with equal probability.
         let ends = small.unwrap_or(pilot.resolution).pixels() as f64;
         let reached = probe.reached * ends;
         let hit = reached * (1.0 - (-3.0 * per_path / reached).exp());
         let of_start = found as f64 / paths as f64;
         assert!(probe.reached < 1.0 && (hit - of_start).abs() < 1e-6 * of_start, "{hit}, {of_start}");
-        // Paths, entries, five products and vectors of 2²¹ entries together take at most the time of the whole measurement.
+        // By the constants of the probe, the traced paths, the merged entries, five products and five operations on vectors of 2²¹ entries
+        // together take at most the time of the whole measurement.
         let entries =
             assemble(&mut tracer, &pilot, Channels::Luma).expect("it can be traced").matrix.nonzeros() as f64;
         let parts = [

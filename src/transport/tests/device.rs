@@ -1,4 +1,4 @@
-//! Compares matrices of contributions that the device sorted and summed with matrices of contributions that the host summed.
+//! Compares matrices whose contributions the device sorted and summed with matrices whose contributions the host summed.
 
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, builtin};

@@ -1,4 +1,5 @@
-//! Compares the checks of a prediction by independent light paths, sums of squares and a sign test, with values calculated by hand.
+//! Two tests check a prediction by independent light paths: sums of squares and a sign test. Here, their results are compared with values
+//! calculated by hand.
 
 use crate::image::Resolution;
 use crate::render::TraceSettings;
@@ -17,7 +18,8 @@ fn the_excess_is_what_noise_and_allowed_errors_leave_in_standard_errors() {
 
 #[test]
 fn the_resolution_is_the_error_that_is_seen_in_half_of_all_cases() {
-    // Without its noise, the photo has the sum of squares 96. This sum scatters by 2 √(2·18) = 12, so the error is √(4.5·12 / 96).
+    // Without its noise, the photo has the sum of squares 96. The sum of squared differences scatters by 2 √(2·18) = 12, so the smallest
+    // detectable error is √(4.5·12 / 96).
     let sums = Squares { difference: 30.0, noise: 4.0, product: 100.0, fourth: [36.0, 18.0] };
     assert_eq!(sums.resolution(1.0, 4.5), 0.75);
     for fourth in [0.0, 18.0] {
@@ -61,7 +63,8 @@ fn signs_count_the_pixels_that_are_farther_than_a_draw_of_the_noise() {
     // on, and at a pixel of error 3 from 4.833 on.
     let photo = product(&[0.0; 6], &[1.0, -1.0, 0.0, 3.0, 3.0, 1.0]);
     let signs = photo.signs(&[1.99, 1.98, 7.0, 4.84, 4.83, -1.99], 1.0, 3.0);
-    // The difference is larger at three of five pixels. 2.5 are expected, with the variance 5/4. The pixel without noise does not count.
+    // The difference is larger at three of five pixels. The expected number is 2.5, with the variance 5/4. The pixel without noise does not
+    // count.
     assert!((signs - 0.5 / 1.25_f64.sqrt()).abs() < 1e-12, "{signs}");
     let one = product(&[2.0], &[1.0]);
     let of_one = [2.9, 3.0, 3.1, 0.9].map(|prediction| one.signs(&[prediction], 0.0, 0.0));

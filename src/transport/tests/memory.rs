@@ -62,7 +62,8 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// The memory of a piece of work, in its own threads only: the bytes of its input, the peak with the input, and the bytes left at the end.
+/// The memory of a computation, in its own threads only: the bytes of its input, the peak including the input, and the bytes left at the
+/// end.
 #[derive(Clone, Copy, Debug)]
 struct Bytes {
     given: usize,
@@ -70,7 +71,8 @@ struct Bytes {
     left: usize,
 }
 
-/// Runs `make` and then `work` on its result, on the same `threads` threads. Returns the result of `work`, and the bytes that `work` takes.
+/// Runs `make`, and then `work` on the result of `make`, on the same `threads` threads. Returns the result of `work`, and the memory of
+/// `work`.
 fn measured<A: Send, T: Send>(
     threads: usize,
     make: impl FnOnce() -> A + Send,
@@ -94,7 +96,7 @@ fn measured<A: Send, T: Send>(
     })
 }
 
-/// A bound for the bytes of small things, such as lists of tasks and vectors of vectors, beside the large arrays of a test.
+/// A bound for the bytes of everything except the large arrays of a test, such as lists of tasks and vectors of vectors.
 const SMALL: usize = 100_000;
 
 /// The bytes in one channel of a contribution (position, mean and error), and of a layer's entry (column and weight).
@@ -146,8 +148,8 @@ fn group(threads: usize) -> f64 {
     longest.unwrap_or(0) as f64 / PIXELS as f64
 }
 
-/// Contributions are freed while the matrix grows, so the peak is below the sum of their sizes. A group of rows that is being merged is in
-/// memory several times: half of its contributions as their transpose, its rows as the tasks made them, and its rows as one piece.
+/// Contributions are freed while the matrix grows, so the peak is below the sum of their sizes. A group of rows that is being merged takes
+/// additional memory: for the transpose (half of its contributions), for its rows as the tasks merged them, and for its rows as one piece.
 #[test]
 fn a_triangle_gives_contributions_back_while_the_tiles_grow() {
     for count in [1, 2] {
@@ -163,12 +165,13 @@ fn a_triangle_gives_contributions_back_while_the_tiles_grow() {
         // The first rows have the most entries on and above the diagonal.
         let share = group(count) * (2.0 - group(count));
         let of_group = (share * ((TERM / 2 + 2 * ENTRY) * PIXELS * EACH) as f64) as usize;
-        // For each pixel, there are its sums, the location of its contributions, the cursor of a task and the number of its contributions.
+        // Each pixel needs memory for its sums, the location of its contributions, the cursor of a task and the number of its
+        // contributions.
         let of_pixels = 150 * PIXELS;
         let bound = bytes.given.max(tiles) + of_group + of_pixels;
         assert!(bound < bytes.given + tiles, "the bound tells something: {bound}, {bytes:?}, {tiles}");
         assert!(bytes.most <= bound, "{count} threads: {bytes:?} above {bound}; {tiles} of tiles");
-        // At the end, only the matrix and the sums over its rows are left. The threads' own queues may have grown or shrunk.
+        // At the end, only the matrix and the sums over its rows are left. The queues of the thread pool may have grown or shrunk.
         let kept = tiles + size_of_val(&rows[..]);
         assert!(bytes.left.abs_diff(kept) < SMALL / 4, "{bytes:?}, {kept}");
     }
@@ -178,7 +181,7 @@ fn a_triangle_gives_contributions_back_while_the_tiles_grow() {
 fn rows_are_given_back_as_they_become_tiles() {
     let (tiles, bytes) = measured(1, || pieces(PIXELS, PIXELS), |pieces| Tiles::new(PIXELS, pieces));
     let of_group = (group(1) * bytes.given as f64) as usize;
-    // A group is in memory two more times beside its pieces: as windows of rows, and as tiles.
+    // Besides its pieces, a group is in memory two more times: as windows of rows, and as tiles.
     let bound = bytes.given.max(tiles.bytes()) + 2 * of_group + SMALL;
     assert!(bound < bytes.given + tiles.bytes(), "the bound tells something: {bound}, {bytes:?}");
     assert!(bytes.most <= bound, "{bytes:?} above {bound}");
@@ -215,8 +218,8 @@ fn a_matrix_is_read_in_pieces() {
             pieces.len() >= 4 && pieces.iter().map(|(columns, _)| columns).sum::<usize>() == PIXELS * EACH
         );
         let longest = pieces.iter().map(|(columns, _)| *columns).max().unwrap_or(0);
-        // Each thread has a band's columns and then its weights, of four bytes each, the offsets of its rows, and their positions in a
-        // tile.
+        // Each thread holds a band's columns and then its weights (four bytes each), the offsets of the band's rows, and the locations of
+        // these rows in a tile.
         let of_rows = 8 * 2 * PIXELS + threads * PIXELS.div_ceil(pieces.len()) * 48;
         let bound = bytes.given + threads * 2 * 4 * longest + of_rows + SMALL;
         assert!(bytes.most <= bound, "{threads} threads: {bytes:?} above {bound}");
@@ -249,7 +252,7 @@ fn products_take_the_memory_of_some_bands() {
     assert!(block.most <= block.given + 32 * (2 * PIXELS + rows + 1) + SMALL / 10, "{block:?}");
 }
 
-/// While rows are merged, they are in memory as transposed contributions, as the rows that the tasks made, and as one piece.
+/// While rows are merged, they are in memory three times: as transposed contributions, as the rows that the tasks merged, and as one piece.
 #[test]
 fn merging_takes_the_contributions_and_twice_their_rows() {
     let make = || Sources::new(chunks(false, EACH), rig(false), &(0..PIXELS), false);

@@ -45,7 +45,7 @@ fn contributions_are_read_as_they_were_written() {
     }
 }
 
-/// Checks that truncated bytes are rejected, and that extra bytes are rejected.
+/// Checks that truncated bytes and extra bytes are rejected.
 fn check_ends<T>(bytes: &[u8], take: impl Fn(&mut Reader<&[u8]>) -> Result<T, Garbled>) {
     for end in 0..bytes.len() {
         assert!(take(&mut Reader::new(&bytes[..end])).is_err(), "{end} of {} bytes", bytes.len());
@@ -169,7 +169,7 @@ fn estimates_and_rows_are_read_as_they_were_written() {
     }
 }
 
-/// The transpose of some columns: a row becomes the column with the row's number, counted from the number of this process's first row.
+/// In the transpose of some columns, row `i` becomes column `first + i`, where `first` is the number of this process's first row.
 #[test]
 fn the_transpose_of_some_columns_counts_from_the_first_row() {
     let transposed = rows().transposed(&(4..10), 100);

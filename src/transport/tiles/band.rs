@@ -15,7 +15,7 @@ pub(super) struct Start {
     pub(super) step: usize,
 }
 
-/// The arrays of a tile into which a window writes its entries.
+/// The parts of a tile's arrays into which one window writes its entries.
 pub(super) struct Filled<'a> {
     pub(super) slices: &'a mut [Slice],
     pub(super) columns: &'a mut [[u16; LANES]],
@@ -31,13 +31,13 @@ pub(super) struct Band {
     pub(super) slices: Vec<Slice>,
     /// Columns relative to the tile, ascending in each row. A repeated column is padding of the slice, and has weight 0.
     pub(super) columns: Pages<[u16; LANES]>,
-    /// `[channel][step][lane]`
+    /// The weights, indexed by `[channel][step][lane]`.
     pub(super) weights: Vec<Pages<[f32; LANES]>>,
 }
 
 impl Band {
     pub(super) fn new(rows: usize, windows: &[Window], channels: usize, shape: Shape, cols: usize) -> Self {
-        // The windows of a tile follow one another.
+        // Within a tile, the entries of one window follow those of the previous window.
         let across = cols.div_ceil(shape.columns);
         let mut tiles = vec![Start::default()];
         let mut end = Start::default();
@@ -103,7 +103,8 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// Calls `visit` with column and step of each entry of the row in the tile's columns `from..to`. `columns` is the array of the band.
+    /// Calls `visit` with the column and the step of each entry of the row in the tile's columns `from..to`. `columns` is the array of the
+    /// band.
     pub(super) fn each(
         self,
         columns: &[[u16; LANES]],
@@ -128,15 +129,15 @@ impl Place {
     }
 }
 
-/// Entries of consecutive rows. Their columns are close together, so that 16 bits are enough.
+/// Entries of consecutive rows. Their columns are close together, so 16 bits hold a column relative to `base`.
 pub(in crate::transport) struct Fragment {
     pub(in crate::transport) first: usize,
     /// The number that is added to each of `columns`.
     pub(in crate::transport) base: u32,
-    /// For each row, the offset into `columns`; and the number of entries at the end.
+    /// The offset of each row into `columns`. The last element is the number of entries.
     pub(in crate::transport) row_start: Vec<u32>,
     pub(in crate::transport) columns: Vec<u16>,
-    /// `[channel][entry]`
+    /// The weights, indexed by `[channel][entry]`.
     pub(in crate::transport) weights: Vec<Vec<f32>>,
 }
 
@@ -187,8 +188,8 @@ impl Fragment {
     }
 }
 
-/// The entries below the diagonal in `rows`, as fragments by ascending columns. `bands` has the earlier rows. `above` has the entries of
-/// `rows` on and above the diagonal.
+/// The entries below the diagonal in `rows`, as fragments by ascending columns. `bands` contains the earlier rows. `above` contains the
+/// entries of `rows` on and above the diagonal.
 pub(super) fn below(
     bands: &[Band],
     above: &Pieces,
@@ -246,7 +247,7 @@ struct OfTile<'a> {
 }
 
 impl Above for OfTile<'_> {
-    /// Step and lane.
+    /// The step and the lane of the entry.
     type At = (usize, u8);
 
     fn each(&self, mut visit: impl FnMut(usize, usize, Self::At)) {
@@ -273,7 +274,7 @@ struct OfRows<'a> {
 }
 
 impl<'a> Above for OfRows<'a> {
-    /// The piece, and the index of the entry in the piece.
+    /// The piece that contains the entry, and the index of the entry in this piece.
     type At = (&'a CompressedRows, usize);
 
     fn each(&self, mut visit: impl FnMut(usize, usize, Self::At)) {

@@ -11,7 +11,7 @@ use super::kernels::{LANES, Slice};
 use super::rows::{CompressedRows, Pieces};
 use super::{Shape, Tiles};
 
-/// The minimum number of groups of rows that become tiles one after the other. There are fewer groups if each would have too few windows
+/// The minimum number of groups of rows that become tiles one after the other. There are fewer groups if a group would have too few windows
 /// for all cores. While a group becomes tiles, its entries are in memory two more times.
 const GROUPS: usize = 16;
 
@@ -25,7 +25,8 @@ pub(in crate::transport) struct Builder {
 }
 
 impl Builder {
-    /// An empty builder. A symmetric matrix is built from its rows from the diagonal on. `entries` is an estimate of the number of entries.
+    /// An empty builder. A symmetric matrix is built from its entries on and above the diagonal. `entries` is an estimate of the number of
+    /// entries.
     pub(in crate::transport) fn new(
         [rows, cols]: [usize; 2],
         channels: usize,
@@ -59,8 +60,8 @@ impl Builder {
     }
 
     /// Works like [`Builder::push`] for pieces that lack some entries. The fragments in `parts` have these entries. In each row, entries of
-    /// fragments and of pieces alternate. If the caller passes ownership, pieces and fragments are freed before memory for the tiles is
-    /// allocated.
+    /// fragments and of pieces alternate. If the caller passes `pieces` by value, pieces and fragments are freed before memory for the
+    /// tiles is allocated.
     pub(in crate::transport) fn push_joined(&mut self, pieces: impl Borrow<Pieces>, parts: Vec<Before>) {
         let Some(rows) = self.next_rows() else { return };
         let Tiles { shape, channels, cols, .. } = self.tiles;
@@ -78,7 +79,7 @@ impl Builder {
                 windows.par_iter().map(window).collect()
             })
             .collect();
-        // The windows contain the entries now.
+        // The windows now contain all these entries.
         drop((pieces, parts));
         self.tiles.entries += windows.iter().flatten().map(Window::entries).sum::<usize>();
         let band = |(rows, windows): (Range<usize>, Vec<Window>)| {
@@ -116,14 +117,15 @@ pub(in crate::transport) fn groups(rows: usize) -> Vec<Range<usize>> {
     (0..rows).step_by(group).map(|first| first..rows.min(first + group)).collect()
 }
 
-/// The entries of some rows in the columns of one process. In each row, the entries that are copied from the finished rows of that process
-/// come first. The entries of the pieces in the columns of that process follow.
+/// Entries of some rows in the columns of one process, copied from finished rows of that process. In each row, these entries come before
+/// the entries of the pieces in the columns of that process, which end before the column `columns_before`.
 pub(in crate::transport) struct Before {
     pub(in crate::transport) fragments: Vec<Fragment>,
     pub(in crate::transport) columns_before: usize,
 }
 
-/// These rows, joined. For each part, a row has the entries of the part's fragments and then entries of the pieces.
+/// Joins the fragments of `parts` and the pieces to whole rows. For each part, a row has the entries of the part's fragments, and then
+/// entries of the pieces.
 fn whole_rows(parts: &[Before], pieces: &Pieces, rows: Range<usize>, channels: usize) -> CompressedRows {
     let parts: Vec<(Vec<&Fragment>, usize)> = parts
         .iter()
@@ -246,7 +248,7 @@ impl Window {
                     segments.push(Segment { row, first, length: *next - first });
                 }
             }
-            // The sort is stable: rows of equal length keep their order.
+            // The sort is stable, so rows of equal length keep their order.
             segments.sort_by_key(|segment| Reverse(segment.length));
             visit(first_column, &segments);
         }

@@ -1,6 +1,6 @@
-//! The inner loop of a product with vector instructions (AVX2), which multiply and add several lanes at once. For a single vector, its
-//! entries are looked up four at a time, or one by one. For four interleaved vectors, the four entries are looked up together. All kernels
-//! prefetch.
+//! The inner loop of a product with vector instructions (AVX2), which multiply and add several lanes at once. A kernel for a single vector
+//! looks up the vector's entries four at a time, or one by one. The kernel for four interleaved vectors looks up four entries together. All
+//! kernels prefetch.
 
 #![allow(
     unsafe_code,
@@ -11,7 +11,8 @@ use std::arch::x86_64::*;
 
 use super::kernels::{Interleaved, Kernel, LANES, Slice};
 
-/// The number of steps between prefetch and use of an entry. It covers memory latency: hardware prefetchers do not cross pages.
+/// The number of steps between prefetch and use of an entry, which covers memory latency. The kernels prefetch because hardware prefetchers
+/// do not cross pages.
 const AHEAD: usize = 80;
 
 /// The kernels for a single vector. The list is empty if the processor lacks the instructions.
@@ -30,7 +31,8 @@ pub(super) fn of_one() -> Vec<Kernel<f64>> {
     vec![by_four, one_by_one]
 }
 
-/// The kernel for four interleaved vectors, whose four numbers fill one register. Without the instructions, the list is empty.
+/// The kernel for four interleaved vectors. The four numbers of an element fill one register. The list is empty if the processor lacks the
+/// instructions.
 pub(super) fn of_four() -> Vec<Kernel<Interleaved>> {
     if !is_x86_feature_detected!("avx2") {
         return Vec::new();
@@ -41,7 +43,8 @@ pub(super) fn of_four() -> Vec<Kernel<Interleaved>> {
     }]
 }
 
-/// Sums for a single vector. It panics at an invalid step or row. An invalid column (no tile has one) reads the last entry of `from`.
+/// Adds the products with a single vector, whose entries are looked up four at a time. It panics at an invalid step or row. An invalid
+/// column (no tile has one) reads the last entry of `from`.
 #[target_feature(enable = "avx2")]
 fn by_four(
     slices: &[Slice],
@@ -114,7 +117,7 @@ fn one_by_one(
     }
 }
 
-/// Sums for four interleaved vectors. It panics if a step, a row or a column does not exist.
+/// Adds the products with four interleaved vectors. It panics at an invalid step, row or column.
 #[target_feature(enable = "avx2")]
 fn of_interleaved(
     slices: &[Slice],

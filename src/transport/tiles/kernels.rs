@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use bytemuck::{Pod, Zeroable};
 
-/// The number of rows of a slice. Their sums are computed at the same time, one in each SIMD lane.
+/// The number of rows of a slice. The sums of these rows are computed at the same time, one in each SIMD lane.
 pub(super) const LANES: usize = 8;
 
 /// Eight rows of a tile with about equal numbers of entries.
@@ -21,7 +21,7 @@ pub(in crate::transport) struct Slice {
 /// and the steps of a slice are processed one after the other. Every row must be below `to.len()`, and every column below `from.len()`.
 pub(in crate::transport) type Kernel<V> = fn(&[Slice], &[[u16; LANES]], &[[f32; LANES]], &[V], &mut [V]);
 
-/// The number of vectors that are multiplied at once. One entry of each vector together fill one vector register.
+/// The number of vectors that are multiplied at once. The entries of the four vectors at one row or column fill one vector register.
 pub(in crate::transport) const BLOCK_WIDTH: usize = 4;
 
 /// The entries of four vectors at one row or column, in one cache line.
@@ -29,7 +29,7 @@ pub(in crate::transport) const BLOCK_WIDTH: usize = 4;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(in crate::transport) struct Interleaved(pub(in crate::transport) [f64; BLOCK_WIDTH]);
 
-/// An element of a vector, which a product multiplies by weights and sums.
+/// An element of a vector. A product multiplies elements by weights, and adds the results.
 pub(in crate::transport) trait Value: Pod + Default + Send + Sync + 'static {
     fn times(self, weight: f64) -> Self;
 
@@ -56,12 +56,12 @@ impl Value for Interleaved {
     }
 }
 
-/// Elements that have kernels.
+/// Elements for which there are kernels.
 pub(in crate::transport) trait Summable: Value {
-    /// The kernels with instructions that not every processor has. Without the instructions, the list is empty. These kernels prefetch.
+    /// The kernels with instructions that not every processor has. The list is empty if this processor lacks them. These kernels prefetch.
     fn special() -> Vec<Kernel<Self>>;
 
-    /// The fastest kernel. It is measured once per process.
+    /// The fastest kernel, which is determined once per process.
     fn sums() -> Sums<Self>;
 }
 
@@ -97,10 +97,10 @@ impl Summable for Interleaved {
 pub(in crate::transport) struct Sums<V>(Kernel<V>);
 
 impl<V: Summable> Sums<V> {
-    /// The kernel that is fastest now, which depends on the maker and generation of the processor. The portable kernel is taken only if
-    /// there is no other one, because it does not prefetch. The timing reads entries from the first-level cache, but the entries of a
-    /// matrix come from memory. With entries from memory, the portable kernel was the slowest on the only processor where this was measured
-    /// (AMD Zen 4).
+    /// Times the kernels, and returns the fastest, which depends on the maker and generation of the processor. The portable kernel is not
+    /// timed, and is returned only if there is no other kernel, because it does not prefetch. The timing cannot show this disadvantage: it
+    /// reads entries from the first-level cache, while the entries of a matrix come from memory. With entries from memory, the portable
+    /// kernel was the slowest on the only processor where this was measured (AMD Zen 4).
     fn fastest() -> Self {
         let timed = V::special().into_iter().map(|kernel| (Self(kernel).time(), Self(kernel)));
         timed.min_by_key(|(time, _)| *time).map_or(Self(portable), |(_, sums)| sums)

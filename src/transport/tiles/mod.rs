@@ -152,7 +152,7 @@ impl Tiles {
         CompressedRows { row_start, columns, weights }
     }
 
-    /// For each row, the offset of its entries; and the number of entries at the end.
+    /// The offset of the entries of each row. The last element is the number of entries.
     pub(crate) fn row_start(&self, which: Entries) -> Vec<usize> {
         let counts = |band: usize| {
             let mut counts = vec![0; self.bands[band].rows];
@@ -189,8 +189,8 @@ impl Tiles {
         })
     }
 
-    /// Calls `value` with band, column, step and lane of each entry. Returns the results row by row, one piece per band. At any time, at
-    /// most one piece per thread is computed.
+    /// Calls `value` with the band, column, step and lane of each entry. Returns the results row by row, one piece per band. At any time,
+    /// at most one piece per thread is computed.
     fn pieces<'a, T: Default + Clone + Send + 'a>(
         &'a self,
         which: Entries,
@@ -220,7 +220,7 @@ impl Tiles {
         band * self.shape.rows..self.rows.min((band + 1) * self.shape.rows)
     }
 
-    /// Calls `visit` for each entry of a band, tile by tile, with its row within the band, column, step and lane.
+    /// Calls `visit` for each entry of a band, tile by tile, with the entry's row within the band, column, step and lane.
     fn each(&self, number: usize, which: Entries, mut visit: impl FnMut(usize, usize, usize, usize)) {
         let (band, rows) = (&self.bands[number], self.rows_of(number));
         let columns = &band.columns[..];
@@ -254,14 +254,16 @@ struct Shape {
     columns: usize,
 }
 
-/// The maximum number of rows of a band. Row numbers (and one past the last) fit into 16 bits, and sums fit into the second-level cache.
+/// The maximum number of rows of a band. Row numbers, and the number after the last row, fit into 16 bits. The sums of a band fit into the
+/// second-level cache.
 const MOST_ROWS: usize = 1 << 14;
 /// The minimum number of rows of a band. With fewer rows, the work between tiles would dominate.
 const LEAST_ROWS: usize = 1 << 8;
 /// The minimum number of bands per thread, if there are enough rows. With several bands, all threads finish at about the same time.
 const BANDS_A_THREAD: usize = 4;
 
-/// The minimum number of bands of a large matrix, so that it can be built group by group, and the minimum number of rows of each such band.
+/// A large matrix has at least this many bands, so that it can be built group by group. Each of these bands has at least
+/// `ROWS_OF_MANY_BANDS` rows.
 const BANDS: usize = 16;
 const ROWS_OF_MANY_BANDS: usize = 1 << 12;
 
@@ -276,9 +278,9 @@ impl Shape {
     /// The shape for a matrix of `rows × columns` with `entries` entries, if `threads` threads multiply. Sums do not depend on the shape.
     fn new(rows: usize, columns: usize, entries: usize, threads: usize) -> Self {
         let bands = (BANDS_A_THREAD * threads.max(1)).max(BANDS.min(rows / ROWS_OF_MANY_BANDS));
-        // The largest power of two that leaves at least this number of bands.
+        // A band has as many rows as the largest power of two that leaves at least this number of bands.
         let of_band = (1 << rows.div_ceil(bands).max(1).ilog2()).clamp(LEAST_ROWS, MOST_ROWS);
-        // The narrowest tile in which a row has enough entries.
+        // The narrowest tile in which a row has enough entries has `least` columns.
         let least = (ENTRIES_OF_A_ROW * columns * rows).div_ceil(entries.max(1));
         Self { rows: of_band, columns: least.next_power_of_two().clamp(LEAST_COLUMNS, MOST_COLUMNS) }
     }
@@ -300,7 +302,7 @@ mod tests_of_shape {
         assert_eq!(shape(512, 330, 2), (16_384, 4096));
         assert_eq!(shape(512, 40, 2), (16_384, 32_768));
         assert_eq!(shape(512, 40, 16), (4096, 32_768));
-        // This is the part of one of four processes, each with a single thread.
+        // One of four processes, each with a single thread, holds a matrix of this shape.
         let Shape { rows, .. } = Shape::new(512 * 512 / 4, 512 * 512, 330 * 512 * 512 / 4, 1);
         assert_eq!(rows, 4096);
         assert_eq!(shape(1, 0, 2), (256, 4096));

@@ -5,11 +5,11 @@ use std::ops::Range;
 /// A sparse matrix in compressed rows. An entry has one `f32` weight for each channel. Layers are built and written in this form.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CompressedRows {
-    /// For each row, the offset into `columns`; and the number of entries at the end.
+    /// The offset of each row into `columns`. The last element is the number of entries.
     pub(crate) row_start: Vec<usize>,
     /// The column of each entry, ascending in each row.
     pub(crate) columns: Vec<u32>,
-    /// `[channel][entry]`
+    /// The weights, indexed by `[channel][entry]`.
     pub(crate) weights: Vec<Vec<f32>>,
 }
 
@@ -41,7 +41,8 @@ impl CompressedRows {
         }
     }
 
-    /// The transpose of the `wanted` columns, with a row for each. The first row of this matrix becomes the column `first`.
+    /// The transpose of the `wanted` columns, with a row for each of these columns. The first row of this matrix becomes the column
+    /// `first`.
     pub(in crate::transport) fn transposed(&self, wanted: &Range<usize>, first: usize) -> Self {
         let of_row = |row: usize| {
             let (start, columns) = (self.row_start[row], &self.columns[self.row(row)]);

@@ -221,7 +221,7 @@ fn picture(lab: &Lab, size: Resolution) -> Option<Resolution> {
     (lab.kind() != SourceKind::Matrix).then_some(size)
 }
 
-/// Checks that the eigenvalues of a rig's light are possible. None may exceed the largest row sum, which the white photo shows.
+/// Checks that the eigenvalues of a rig's light are possible. No eigenvalue may exceed the largest row sum, which the white photo shows.
 fn possible_of(lab: &mut Lab, part: Part, found: &krylov::Eigs) -> Result<Option<Finding>> {
     let most = lab.with_measurement(|measurement| {
         let mut sums = measurement.white()?.planes.swap_remove(0).values;
@@ -262,7 +262,7 @@ fn missing(completeness: Completeness, (found, wanted): (usize, usize), products
     }
 }
 
-/// The finding about convergence: whether all wanted pairs or triplets were found and meet the tolerance. If it is not `strict`, residuals
+/// The finding about convergence: whether all wanted pairs or triplets were found and meet the tolerance. If `strict` is false, residuals
 /// within the noise of the photos suffice.
 fn converged(name: &'static str, statuses: &[PairStatus], wanted: usize, strict: bool) -> Finding {
     let is_good = |status: &&PairStatus| match status {

@@ -67,7 +67,7 @@ impl Eigenpairs {
                 value => format!(" {} i", signed(value, 8)),
             };
             let value = match self.estimates.get(index) {
-                // The estimate by independent light, printed above, states the error.
+                // The estimate by independent light, which is printed before, states the error.
                 Some(of) => rounded(found.values[index], of.standard_error).to_string(),
                 None => with_error(found.values[index], found.standard_errors[index]) + &imaginary,
             };

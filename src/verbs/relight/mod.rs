@@ -117,7 +117,7 @@ impl Verb for Relight {
         self.questions_to(lab).map(drop)
     }
 
-    /// Takes `patterns`, `duals` and `photographs` in place of files. Without any, the model is captured, and computes nothing.
+    /// Takes `patterns`, `duals` and `photographs` in place of files. If none are given, the model is captured but computes no photos.
     fn give(&mut self, given: Vec<GivenArray>) -> Result<()> {
         let questions = self.questions.get_or_insert_default();
         for array in given {
@@ -133,7 +133,7 @@ impl Verb for Relight {
     }
 
     /// Captures the light transport as a model, or uses the source's model without taking a photo. A captured model is written into the
-    /// folder of the open run at once. The journal omits the photos of a scene, since a simulator also computes the truth.
+    /// folder of the open run at once. The journal omits the photos of a scene, since the simulator is needed anyway to compute the truth.
     fn answer(&self, lab: &mut Lab) -> Result<Relighting> {
         let questions = self.questions_to(lab)?;
         if lab.has_model() {
@@ -172,7 +172,7 @@ impl Verb for Relight {
 }
 
 impl Relight {
-    /// The number of patterns that are chosen beforehand. Its default is large enough to distinguish the twelve cups of a carton.
+    /// The number of patterns that are chosen beforehand. The default can distinguish the twelve cups of the egg carton scene.
     fn block(&self) -> usize {
         self.block.unwrap_or(12)
     }
@@ -256,7 +256,7 @@ mod tests {
         let mut lab = Lab::builder_of_scene(builtin::zigzag().to_scene()).size(24, 24).samples(64).open()?;
         let mut model = lab.ask(&Relight { photos: Some(20), block: Some(4), ..Relight::default() })?;
         let worst = model.worst().unwrap_or(f64::NAN);
-        // The noise of the matrix is included in the model, because white is among the captured photos.
+        // The white photo is one of the captured photos, so the model's white photo has the noise of the matrix.
         let noise = lab.noise()?.map_or(f64::NAN, |noise| noise.white_relative);
         assert!((worst / noise - 1.0).abs() < 0.5, "{worst} {noise}");
         let Some(checked) = model.verify(&mut lab)? else { unreachable!("a scene") };

@@ -37,7 +37,7 @@ pub struct Segmented {
     pub scores: Vec<(usize, f64)>,
     /// Estimates of the scene's eigenvalues by independent light, except the first, which is known; empty before [`Answer::verify`].
     pub estimates: Vec<EigenpairEstimate>,
-    /// For each number of groups, the share of the confidence that independent light supports; empty before [`Answer::verify`].
+    /// For each number of groups, the fraction of the labels that independent light supports; empty before [`Answer::verify`].
     pub supported: Vec<(usize, f64)>,
     /// The number of eigenvectors that were counted as regions, but are refuted by independent light.
     pub refuted: usize,
@@ -83,7 +83,8 @@ impl Segmented {
         Ok(self)
     }
 
-    /// The share of pixels with certain labels, limited by independent light; `None` for a number of groups that was not requested.
+    /// The fraction of pixels whose labels are certain, times the fraction that independent light supports; `None` for a number of groups
+    /// that was not requested.
     pub fn share_of_sure(&self, groups: usize) -> Option<f64> {
         let supported = self.supported.iter().find(|(of, _)| *of == groups).map_or(1.0, |(_, share)| *share);
         self.segmentation.share_of_sure(groups).map(|sure| sure * supported)
@@ -241,7 +242,7 @@ impl Segmented {
         }
     }
 
-    /// The finding whether the groups agree with the true labels as well as requested. If this cannot be examined, the finding fails.
+    /// One finding: whether the groups agree with the true labels as well as requested. If this cannot be examined, the finding fails.
     fn agreement(&self) -> Option<Finding> {
         let least = self.min_rand_index?;
         let expected = format!("at least {least}");

@@ -350,9 +350,9 @@ impl Segment {
     }
 }
 
-/// The light that a blur carries across a straight border, as a share of the light of half a picture. Patterns and photos are blurred by
-/// `blur` pixels each. Both blurs together have a standard deviation of `√2 blur`. The mean distance across the border is `1/√2π` of that
-/// deviation.
+/// The light that a blur carries across a straight border, as a fraction of the light of half a picture. Patterns and photos are blurred by
+/// `blur` pixels each, so both blurs together have a standard deviation of `√2 blur`. The light of a strip that is `1/√(2π)` of this
+/// deviation wide crosses the border.
 fn leak(blur: f64, resolution: Resolution) -> f64 {
     let half = resolution.width.min(resolution.height) as f64 / 2.0;
     blur / std::f64::consts::PI.sqrt() / half

@@ -106,8 +106,8 @@ impl Segmented {
         pictures.into_iter().map(|(name, figure)| page.picture(&name, figure)).collect()
     }
 
-    /// The colours for each number of groups. They match the true regions if these are known. Otherwise they match the groups for the first
-    /// number.
+    /// The colours for each number of groups. They match the true regions if these are known, and otherwise the groups for the first number
+    /// of groups.
     fn palettes(&self) -> Vec<Palette> {
         let labels = &self.segmentation.labels;
         let reference = self.truth.as_ref().map(|truth| truth.labels.as_slice());
@@ -115,7 +115,7 @@ impl Segmented {
         labels.iter().map(|(_, labels)| Palette::default().matched(reference, labels)).collect()
     }
 
-    /// The share of pixels with certain labels, as the end of a caption.
+    /// The fraction of pixels whose labels are certain, as the end of a caption.
     fn sure(&self, groups: usize) -> String {
         match self.share_of_sure(groups) {
             Some(share) => format!(", {:.1} % of the pixels are sure of theirs", 100.0 * share),

@@ -194,7 +194,7 @@ impl Answer for Separated {
         content
     }
 
-    /// The findings whether there is global light beyond its error, and whether the direct light is as accurate as requested.
+    /// Two findings: whether the global light exceeds its error, and whether the direct light is as accurate as requested.
     fn findings(&self) -> Vec<Finding> {
         let share = match &self.global_error {
             Some(errors) => relative_to(1.0, &self.global, errors),

@@ -121,7 +121,8 @@ impl Verb for Separate {
         by.map_or(Ok(()), SeparateBy::check)
     }
 
-    /// Separates direct and global light under white. The journal omits the photos of a scene, since a simulator also computes the truth.
+    /// Separates direct and global light under white. The journal omits the photos of a scene, since the simulator is needed anyway to
+    /// compute the truth.
     fn answer(&self, lab: &mut Lab) -> Result<Separated> {
         lab.allow_photos(self.budget(lab));
         let (is_scene, seed) = (lab.kind() == SourceKind::Scene, lab.seed());
