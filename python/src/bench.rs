@@ -46,7 +46,11 @@ pub(crate) fn ask_rig<'py>(
         "check" => {
             let asked: CheckBench = request(py, asked)?;
             let rig = rig(py, source)?;
-            let found = work::detached(py, || asked.ask(Ok(rig), &mut |_| ControlFlow::Continue(())))?;
+            let mut ask_python = |_: &_| match work::in_python(|py| py.check_signals()) {
+                Ok(()) => ControlFlow::Continue(()),
+                Err(_) => ControlFlow::Break(()),
+            };
+            let found = work::detached(py, || asked.ask(Ok(rig), &mut ask_python))?;
             CheckBench::content(&found)
         }
         "list" => {

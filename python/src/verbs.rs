@@ -148,6 +148,7 @@ fn arrays_of<'py>(py: Python<'py>, content: &Content<'_>) -> PyResult<Bound<'py,
             Values::F32(values) => shaped(py, &array.shape, values.to_vec())?,
             Values::U8(values) => shaped(py, &array.shape, values.to_vec())?,
             Values::Bool(values) => shaped(py, &array.shape, values.to_vec())?,
+            Values::Rows(rows) => shaped(py, &array.shape, rows.concat())?,
             Values::Image(image) => arrays::array(py, image)?,
         };
         match array.key {

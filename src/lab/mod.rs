@@ -77,7 +77,7 @@ pub use crate::analysis::segment::Truth;
 use crate::error::{Error, Result};
 use crate::finding::Finding;
 use crate::image::Resolution;
-use crate::render::{TraceSettings, Tracer};
+use crate::render::TraceSettings;
 use crate::report::contact_sheet::ContactSheet;
 pub use crate::report::text;
 use crate::scene::Scene;
@@ -237,14 +237,6 @@ impl Lab {
     /// [`Error::Data`] if there is none.
     pub fn scene(&self) -> Result<&Scene> {
         Ok(&self.scene_source()?.scene)
-    }
-
-    /// Calls `work` with the tracer of the scene.
-    ///
-    /// # Errors
-    /// [`Error::Data`] if there is no scene.
-    pub fn with_tracer<T>(&self, work: impl FnOnce(&mut Tracer) -> T) -> Result<T> {
-        Ok(work(&mut self.scene_source()?.tracer()))
     }
 
     /// The trace settings of [`Lab::scene`], if there is a scene.

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::canvas::{Canvas, Columns, Light};
 use super::page::{WORKER, describe, page};
-use super::question::PageAnswer;
+use super::question::{MOST, PageAnswer};
 use crate::analysis::planes::{Planes, difference, norm};
 use crate::error::{Error, Result};
 use crate::report::content::{self as array, Content};
@@ -51,11 +51,10 @@ impl Kept {
                 }
                 ("eigenvalues", None, array::Values::F64(values)) => {
                     groups.values = values.to_vec();
-                    eigenvectors.values = values.to_vec();
+                    eigenvectors.values = values.iter().take(MOST).copied().collect();
                 }
-                ("eigenvectors", None, array::Values::F64(vectors)) => {
-                    let length = array.shape[1..].iter().product::<usize>().max(1);
-                    eigenvectors.planes = vectors.chunks(length).map(<[f64]>::to_vec).collect();
+                ("eigenvectors", None, array::Values::Rows(vectors)) => {
+                    eigenvectors.planes = vectors.iter().take(MOST).cloned().collect();
                 }
                 _ => {}
             }

@@ -13,7 +13,7 @@ use crate::transport::Part;
 use crate::verbs::{Segment, Segmented};
 
 /// The largest number of eigenvectors or groups that a page may request.
-const MOST: usize = 32;
+pub(super) const MOST: usize = 32;
 
 /// A question.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

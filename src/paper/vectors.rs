@@ -4,15 +4,8 @@ use faer::{Mat, Side};
 
 use crate::error::{Error, Result};
 use crate::krylov::{dot, norm};
-use crate::operator::Operator;
+pub(super) use crate::operator::product;
 use crate::sparse::Csr;
-
-/// The product `A x`, which is one photo.
-pub(super) fn product(operator: &mut dyn Operator, x: &[f64]) -> Result<Vec<f64>> {
-    let mut y = vec![0.0; operator.rows()];
-    operator.apply(x, &mut y)?;
-    Ok(y)
-}
 
 /// `a − b`.
 pub(super) fn minus(a: &[f64], b: &[f64]) -> Vec<f64> {

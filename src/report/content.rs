@@ -43,6 +43,8 @@ pub enum Values<'a> {
     F32(Cow<'a, [f32]>),
     U8(Cow<'a, [u8]>),
     Bool(Cow<'a, [bool]>),
+    /// The rows of a matrix, one after another.
+    Rows(&'a [Vec<f64>]),
     Image(&'a Image),
 }
 

@@ -182,6 +182,7 @@ impl<'a> Files<'a> {
                 Values::F32(values) => files.array(&name, shape, values)?,
                 Values::U8(values) => files.array(&name, shape, values)?,
                 Values::Bool(values) => files.array(&name, shape, values)?,
+                Values::Rows(rows) => files.array(&name, shape, &rows.concat())?,
                 Values::Image(image) => files.image(&name, image)?,
             }
         }

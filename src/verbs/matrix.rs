@@ -88,12 +88,14 @@ impl WriteMatrix {
     pub fn ask(&self, lab: &mut Lab, file: &Path) -> Result<(Content<'static>, bool)> {
         let matrices = lab.matrices(self.part.into(), self.split_bounces, self.photos)?;
         let shape = (lab.channels(), lab.resolution(), lab.projector_resolution());
+        let is_scene = lab.kind() == SourceKind::Scene;
+        let (paths, noise) =
+            if is_scene { (lab.trace_summary()?.map(|of| of.paths), lab.noise()?) } else { (None, None) };
+        let costs = if is_scene { None } else { Some(lab.costs()?) };
         let mut content = write(file, &matrices, shape)?;
-        if lab.kind() == SourceKind::Scene {
-            let paths = lab.trace_summary()?.map(|summary| summary.paths);
-            of_paths(&mut content, paths, lab.noise()?.as_ref());
-        } else {
-            content.fact("rig", lab.costs()?);
+        match costs {
+            None => of_paths(&mut content, paths, noise.as_ref()),
+            Some(costs) => content.fact("rig", costs),
         }
         lab.end_run(lab.resolution().pixels() * lab.channels().count(), "every column photographed")?;
         for finding in lab.findings().iter().filter(|finding| finding.grade != Grade::Ok) {

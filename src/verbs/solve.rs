@@ -1,8 +1,8 @@
 //! Linear systems with the matrix of a source or from a file, to compare the solvers with other programs.
 
-use std::borrow::Cow;
 use std::cmp::Ordering;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
 
@@ -41,10 +41,10 @@ pub struct Solve {
     /// The box's upper bound, for methods inside a box
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = number::<f64>)]
     pub upper: f64,
-    /// The right-hand side that a program has in memory, in place of `rhs`.
+    /// The numbers of the right-hand side. A program may give them in place of `rhs`; otherwise they are read from the file once.
     #[arg(skip)]
     #[serde(skip)]
-    pub values: Option<Vec<f64>>,
+    pub values: OnceLock<Vec<f64>>,
 }
 
 impl Default for Solve {
@@ -55,10 +55,13 @@ impl Default for Solve {
 
 impl Solve {
     /// The right-hand side, with one entry per row of the matrix.
-    fn right_hand_side(&self, rows: usize) -> Result<Cow<'_, [f64]>> {
-        let (values, path) = match (&self.values, &self.rhs) {
-            (Some(values), _) => (Cow::Borrowed(values.as_slice()), PathBuf::from("RHS")),
-            (None, Some(path)) => (Cow::Owned(npy::read_npy(path)?.values), path.clone()),
+    fn right_hand_side(&self, rows: usize) -> Result<&[f64]> {
+        let values = match (self.values.get(), &self.rhs) {
+            (Some(values), _) => values,
+            (None, Some(path)) => {
+                let read = npy::read_npy(path)?.values;
+                self.values.get_or_init(|| read)
+            }
             (None, None) => {
                 return Err(Error::option("RHS", "there is no right-hand side").help("name its file"));
             }
@@ -67,6 +70,7 @@ impl Solve {
             return Ok(values);
         }
         let fault = format!("it has {} numbers, but the matrix has {rows} rows", values.len());
+        let path = self.rhs.clone().unwrap_or_else(|| PathBuf::from("RHS"));
         Err(Error::data(path, fault).help("give a right-hand side that belongs to this matrix"))
     }
 }
@@ -91,7 +95,7 @@ impl Verb for Solve {
     fn give(&mut self, given: Vec<GivenArray>) -> Result<()> {
         for array in given {
             match array.field.as_str() {
-                "values" => self.values = Some(array.values),
+                "values" => self.values = OnceLock::from(array.values),
                 _ => return Err(array.not_taken()),
             }
         }
@@ -110,7 +114,7 @@ impl Verb for Solve {
         };
         let mut operator = lab.operator(Part::Full)?;
         lab.expect(options.products);
-        let found = lab.photos(|_| solve_adjoint(self.method, &mut operator, &rhs, &options))?;
+        let found = lab.photos(|_| solve_adjoint(self.method, &mut operator, rhs, &options))?;
         let file = lab.run().map(|run| run.path.join("solution.npy"));
         Ok(Solved { found, method: self.method, file })
     }

@@ -180,12 +180,6 @@ impl Figure {
     pub fn in_series(self, series: &str) -> Self {
         Self { series: series.to_owned(), ..self }
     }
-
-    /// Allows the reader to flip from this picture to others.
-    #[must_use]
-    pub fn flipped_with<const N: usize>(self, names: [&str; N]) -> Self {
-        Self { flips: names.map(str::to_owned).to_vec(), ..self }
-    }
 }
 
 /// The entry of a run on an index page.

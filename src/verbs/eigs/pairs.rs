@@ -10,7 +10,7 @@ use crate::image::Resolution;
 use crate::krylov;
 use crate::lab::text::{percent, rounded, signed, with_error};
 use crate::lab::{Answer, Lab, Verb, Verified};
-use crate::report::content::Content;
+use crate::report::content::{Content, Values};
 use crate::report::html::{Block, Figure};
 use crate::report::run::AnswerPage;
 use crate::report::spectrum;
@@ -110,7 +110,7 @@ impl Answer for Eigenpairs {
             let pairs = self.estimates.iter().flat_map(|of| [of.value, of.standard_error]);
             content.array("eigenvalues-of-scene", &[count, 2], pairs.collect::<Vec<f64>>());
         }
-        content.array("eigenvectors", &shape(self.size, &found.vectors), found.vectors.concat());
+        content.array("eigenvectors", &shape(self.size, &found.vectors), Values::Rows(&found.vectors));
         if self.is_complex() {
             // Real eigenpairs have empty imaginary vectors, which are filled with zeros here.
             let padded = found.imaginary_vectors.iter().map(|vector| match vector.is_empty() {

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio};
 use crate::lab::text::{self, decimal};
 use crate::lab::{Answer, Lab, Verb, Verified};
-use crate::report::content::Content;
+use crate::report::content::{Content, Values};
 use crate::report::run::AnswerPage;
 use crate::report::text::percentage;
 
@@ -89,7 +89,7 @@ impl Relighting {
             for (name, rows, length) in
                 [("basis", model.basis(), projector), ("basis_photos", model.photos(), camera)]
             {
-                content.attribute(name, &[rows.len(), length], rows.concat()).key = Some(channel);
+                content.attribute(name, &[rows.len(), length], Values::Rows(rows)).key = Some(channel);
             }
         }
     }

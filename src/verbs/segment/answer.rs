@@ -10,7 +10,7 @@ use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Resolution;
 use crate::lab::text::{decimal, rounded, with_error};
 use crate::lab::{Answer, Lab, Verb, Verified};
-use crate::report::content::Content;
+use crate::report::content::{Content, Values};
 use crate::report::run::AnswerPage;
 use crate::transport::Part;
 
@@ -104,7 +104,7 @@ impl Segmented {
         let (found, count) = (&self.segmentation, self.segmentation.eigenvectors.len());
         content.array("eigenvalues", &[count], &found.eigenvalues);
         content.array("residuals", &[count], &found.residuals);
-        content.array("eigenvectors", &[count, height, width], found.eigenvectors.concat());
+        content.array("eigenvectors", &[count, height, width], Values::Rows(&found.eigenvectors));
         content.array("degree", &[height, width], &found.degree);
         for (groups, labels) in &found.labels {
             content.array("labels", &[height, width], labels).key = Some(*groups);
@@ -119,7 +119,8 @@ impl Segmented {
             content.array("direct", &[height, width], &direct.direct);
         }
         for of in &self.evidence {
-            content.array("evidence", &[of.groups, height, width], of.photos.concat()).key = Some(of.groups);
+            content.array("evidence", &[of.groups, height, width], Values::Rows(&of.photos)).key =
+                Some(of.groups);
         }
         content.attribute("within", &[count], &found.embedding.within);
         content.attribute("weights", &[height, width], &found.weights);
