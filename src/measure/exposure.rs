@@ -24,7 +24,8 @@ const UP: f64 = 64.0;
 /// A test photo is too dark to predict the exposure when its brightest pixel is below this share of saturation.
 const DARK: f64 = 0.05;
 
-/// The factor from one exposure of a bracket to the next. A pixel that falls between two exposures loses at most this factor of light.
+/// The factor from one exposure of a bracket to the next. If the best exposure of a pixel lies between two exposures, the pixel gets at
+/// most this factor less light.
 const BRACKET: f64 = 4.0;
 
 /// The darkest pixel is well exposed when it is this many standard deviations above black.
@@ -117,8 +118,8 @@ mod tests {
     use crate::measure::calibration::CameraResponse;
     use crate::measure::simulated::Simulated;
 
-    /// A scene of samples with this light, in counts per second. The camera's counts go from 10 in the dark to 1000 at saturation. The
-    /// largest exposure that is chosen for light `L` is 0.8 · 990 / L seconds.
+    /// A scene whose samples have this light, in counts per second. The camera's counts go from 10 in the dark to 1000 at saturation. The
+    /// exposure that brings light `L` to 0.8 of the range is 0.8 · 990 / L seconds.
     struct Scene {
         light: Vec<f64>,
         channels: usize,
@@ -171,7 +172,8 @@ mod tests {
 
     #[test]
     fn the_brightest_pixel_comes_to_four_fifths_of_saturation() {
-        // The search begins at the geometric mean of the range. A photo with 3 % of the range is too dark. The next photo has 80 %.
+        // The search begins at the geometric mean of the range. This photo has 3 % of the range, which is too dark. The next photo has 80
+        // %.
         let (chosen, asked) = Scene::of(&[100.0, 25.0]).choose(1);
         assert!(
             near(&chosen.expect("there is light"), &[7.92]) && near(&asked, &[0.1_f64.sqrt(), 7.92]),
@@ -241,7 +243,7 @@ mod tests {
         // x counts above black have the variance x + 1 + 1/12, so 20 standard deviations are reached at x = 401.1.
         assert!(near(&brackets(&[100.0, 406.0 / 7.92], 5), &[7.92]));
         assert!(near(&brackets(&[100.0, 395.0 / 7.92], 5), &[7.92, 31.68]));
-        // In the second exposure, a pixel of 25 has 792 counts, and the other pixel is saturated.
+        // In the second exposure, the pixel of 25 counts per second has 792 counts, and the other pixel is saturated.
         assert!(near(&brackets(&[100.0, 25.0], 5), &[7.92, 31.68]));
         let scene = Scene { used: vec![true, true, false], ..Scene::of(&[100.0, 60.0, 0.01]) };
         assert!(near(&scene.choose(5).0.expect("there is light"), &[7.92]));

@@ -11,8 +11,8 @@ use crate::image::Resolution;
 const COVERED: f64 = 0.25;
 
 /// The pixel map by overlap. Each projector pixel is seen by the camera pixels that overlap it. The weights of these camera pixels keep the
-/// contribution of neighbouring projector pixels low. Only `lit` camera pixels are used. Too little covered projector pixels have empty
-/// rows.
+/// contribution of neighbouring projector pixels low. Only `lit` camera pixels are used. Projector pixels of which too little is covered
+/// have empty rows.
 pub(crate) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
     let (areas, rows) = overlaps(map, lit);
     let shares = shares_of(&areas, &rows);
@@ -24,7 +24,7 @@ pub(crate) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
     Registration { lens: Some(map.clone()), ..Registration::of_rows(map.camera, map.projector, sharp) }
 }
 
-/// The shares of each `lit` camera pixel's area that lie in projector pixels, in one row per camera pixel.
+/// The fractions of each `lit` camera pixel's area that lie in each projector pixel, in one row per camera pixel.
 pub(crate) fn shares(map: &LensMap, lit: &[bool]) -> SparseRows {
     let (areas, rows) = overlaps(map, lit);
     shares_of(&areas, &rows)
@@ -134,10 +134,11 @@ const NOISE: f64 = 0.0002;
 /// If at least this many camera pixels overlap a projector pixel, some of them lie inside it.
 const ENOUGH: usize = 9;
 
-/// If fewer camera pixels overlap a projector pixel, the camera pixels of projector pixels up to this distance are also used.
+/// If fewer than [`ENOUGH`] camera pixels overlap a projector pixel, the camera pixels that overlap projector pixels up to this distance
+/// are also used.
 const REACH: usize = 2;
 
-/// The conjugate gradients stop when the norm of the gradient is at most this.
+/// The conjugate gradient iteration stops when the norm of the gradient is at most this value.
 const ACCURACY: f64 = 1e-6;
 
 /// Computes the shares from the `areas` of the camera's pixels and from the areas of their `overlaps`, which are listed by projector pixel.
@@ -216,7 +217,7 @@ fn around(pixel: usize, projector: Resolution, overlaps: &[Vec<WeightedColumn>])
         .flat_map(|other| overlaps[other].iter().map(|entry| (entry.0, 0.0)))
         .chain(own.iter().copied())
         .collect();
-    // The overlap of a camera pixel sorts before its zeros, so the overlap is kept.
+    // A camera pixel may occur several times, once with its overlap and otherwise with 0. The overlap comes first, so it is kept.
     row.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
     row.dedup_by_key(|entry| entry.0);
     row
@@ -270,11 +271,12 @@ mod tests {
         };
         for pixel in 0..projector.pixels() {
             let own = spread.apply(&one(pixel))[pixel];
-            // A mean over all overlapping camera pixels would have 0.6 of its own light along each axis, so 0.4 along both.
+            // A mean over all overlapping camera pixels would contain the pixel's own light with a weight of 0.6 along each axis, so 0.4
+            // along both.
             assert!((0.97..1.03).contains(&own), "{own} at {pixel}");
         }
         let even = spread.apply(&vec![1.0; projector.pixels()]);
-        // Shares below 1e-4 are left out. A row has some ten such shares.
+        // A row omits some ten weights below 1e-4, so its sum may be off by about 1e-3.
         assert!(even.iter().all(|light| (light - 1.0).abs() < 2e-3), "{even:?}");
         let noise = found.weights.iter().map(|weight| weight * weight).sum::<f64>() / 96.0;
         assert!(noise < 0.5, "six camera pixels see each, and at least two of them inside: {noise}");

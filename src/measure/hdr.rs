@@ -1,5 +1,5 @@
-//! From repeated frames at several exposures to one photo: averaging, ambient light, and merging (O'Toole and Kutulakos, sections 7.2 and
-//! 8.2).
+//! Combines repeated frames at several exposures into one photo: averaging, ambient light, and merging (O'Toole and Kutulakos, sections 7.2
+//! and 8.2).
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -79,7 +79,7 @@ pub(crate) fn average(
 }
 
 impl AveragedExposure {
-    /// The variance of the mean, in linear DN², where the expected value is `expected`.
+    /// The variance of the mean of a sample whose expected value is `expected`, in linear DN².
     pub(crate) fn variance(&self, curve: &CameraCurve, sample: usize, expected: f64) -> f64 {
         curve.variance(expected, self.rounding[sample]) / f64::from(self.takes)
     }
@@ -118,7 +118,8 @@ pub(crate) struct BlackPhotos {
 /// The expected count must lie this many standard deviations below saturation.
 const HEADROOM: f64 = 4.0;
 
-/// Iterations from weights to merged rate to weights. The second iteration changes the weights by less than a thousandth.
+/// The number of iterations, each of which computes the weights from the merged rate and the merged rate from the weights. The second
+/// iteration changes the weights by less than a thousandth.
 const PASSES: usize = 2;
 
 /// The merged photo of a frame on the camera's pixels: linear DN per second after the black photo is subtracted, as interleaved samples.

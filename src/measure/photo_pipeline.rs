@@ -1,4 +1,4 @@
-//! From a frame to its photo on the camera's pixels: averaging, HDR, ambient light, camera response and drift, in this order.
+//! Takes the photo of a frame on the camera's pixels: averaging, HDR, ambient light, camera response and drift, in this order.
 
 use std::collections::HashSet;
 use std::hash::{BuildHasher, BuildHasherDefault, DefaultHasher};
@@ -32,13 +32,13 @@ pub(crate) struct PhotoPipeline {
     references: Option<Arc<ReferencePhotos>>,
     /// Patterns since the last photo of white.
     since_white: u32,
-    /// The number of sentinels between the run's patterns. Sentinels at an end of the run do not count.
+    /// The number of sentinels (repeated photos of white) between the run's patterns. The sentinels of [`Self::look_again`] do not count.
     sentinels: u32,
-    /// The take number of the last sentinel at an end of the run.
+    /// The take number of the last sentinel of [`Self::look_again`].
     last: Option<u32>,
 }
 
-/// The exposures and the photos of black and white, which all other photos need. They are taken before the first photo.
+/// The exposures and the photos of black and white, which all other photos need. They are taken before any other photo.
 pub(crate) struct ReferencePhotos {
     /// The exposures in seconds, the shortest first.
     pub(crate) exposures: Vec<f64>,

@@ -188,7 +188,8 @@ mod tests {
                 MeasureOptions { exposures: exposures.clone(), black_takes: 1, ..MeasureOptions::default() },
                 MeasureOptions { exposures, ambient: false, ..MeasureOptions::default() },
             ];
-            // Two photos of black may change alike by chance. Such a change is not seen; only the noise of pixels is seen.
+            // The room light of two photos of black may be equal by chance. Room light therefore changes only with the first options, which
+            // take more photos of black.
             let change = if seed % 3 == 0 { change } else { 0.0 };
             let options = &options[seed as usize % 3];
             let blind = found(seed, [noise, room, 0.0, change], options);
