@@ -6,7 +6,7 @@
 //! | figure | source |
 //! |---|---|
 //! | disparity | codes compared with the single map that fits most of them |
-//! | camera offset | the cells displaced from that map, which are assumed to be nearer |
+//! | camera offset | blocks of camera pixels (cells) that are displaced from that map, and are assumed to see nearer surfaces |
 //! | shadow | camera pixels that see the scene, but no light straight from the projector |
 //! | symmetry | `yᵀ A x` compared with `xᵀ A y`, as in [`crate::bench::audit`] |
 //!
@@ -298,7 +298,8 @@ pub(crate) fn symmetry(
         photos.push(resampled(&map, &photo, black, |light| observer.variance(light)));
         patterns.push(pattern);
     }
-    // The black photo is subtracted from every photo. So `2 photo − white` contains it once, and its noise is added to the noise of white.
+    // The black photo is subtracted from every photo, so `2 photo − white` contains the black photo once. The noise of black is therefore
+    // added to the noise of white.
     let white = resampled(&map, &white, black, |light| observer.variance(light));
     let dark = resampled(&map, black, black, |light| observer.variance(light));
     let variance = white.variance.iter().zip(&dark.variance).map(|(white, black)| white + black).collect();

@@ -97,8 +97,8 @@ pub struct LivePreview {
 
 impl LivePreview {
     /// Starts a preview of a pattern, which is shown as levels, with this exposure in seconds. If no exposure is given, it is chosen so
-    /// that white fills the camera's range, and the outcome says whether there is such an exposure. If the camera's response is `known`, it
-    /// determines the meaning of the counts. Fails as [`level_frame`] does, and when the rig fails.
+    /// that white fills the camera's range, and the returned [`WhiteExposure`] says whether there is such an exposure. If the camera's
+    /// response is `known`, it determines the meaning of the counts. Fails as [`level_frame`] does, and when the rig fails.
     pub fn new(
         mut frames: Box<dyn FrameSource>,
         known: Option<&CameraResponse>,
@@ -176,7 +176,7 @@ pub struct FrameFigures {
     pub saturated: f64,
     /// The fraction of samples whose count is 0.
     pub black: f64,
-    /// The [focus score](focus()) of this frame and the previous one. The first frame has none.
+    /// The [focus score](focus()) of this frame and the previous one. The first frame has no score.
     pub focus: Option<f64>,
     /// The best focus score so far.
     pub best_focus: Option<f64>,

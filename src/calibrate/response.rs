@@ -141,7 +141,7 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let share = (count - knots[at]) / (knots[at + 1] - knots[at]);
         (at, share)
     };
-    // The slope of the curve converts errors of counts to errors of light. The slope of the fit itself would be unstable: a small slope
+    // The slope of a power law converts errors of counts to errors of light. The slope of the fitted curve would be unstable: a small slope
     // gives a large weight, which makes the slope still smaller.
     let steep = exponent(points, dark, limit - dark).recip();
     let slope = |count: f64| {

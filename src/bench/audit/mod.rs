@@ -7,7 +7,7 @@
 //! | additivity | `A p + A (1 − p)` and `A 1` | black level, ambient light, saturation, a nonlinear camera response |
 //! | homogeneity | `A (c p)` and `c A p` | the projector's response (gamma) |
 //! | repeatability | the first and the last `A p` | drift |
-//! | symmetry | `yᵀ A x` and `xᵀ A y` | misregistration, a camera with another centre than the projector |
+//! | symmetry | `yᵀ A x` and `xᵀ A y` | misregistration, different centres of projection of camera and projector |
 //! | crosstalk | each channel under red, green and blue alone | a camera channel that sees the projector's other colours |
 //! | direct light | pixels with light, but without direct light | the same causes as for symmetry: shadows |
 //!

@@ -466,9 +466,9 @@ mod tests {
     fn a_white_segment_is_found_at_the_level_where_it_shines() {
         for (segment, above, grade, text) in [
             (0.0, 0.0, Grade::Ok, "add up to gray within 0.00 % at the highest level and at half of it"),
-            // 1/1.06 − 1.
+            // The difference is 1/1.06 − 1.
             (0.06, 0.0, Grade::Ok, "within 5.66 %"),
-            // 1/1.1 − 1 at every level.
+            // The difference is 1/1.1 − 1 at every level.
             (0.1, 0.0, Grade::Warning, "by -9.1 % at the highest level and by -9.1 % at half of it"),
             // At the highest level, four tenths of the segment add light, which gives 1/1.2 − 1. At half of this level, it adds no light.
             (

@@ -13,12 +13,12 @@ use crate::measure::sight;
 /// The check warns when the frame's border has less than this fraction of the expected light.
 const BORDER: f64 = 0.5;
 
-/// The check warns when stripes are blurred by more projector pixels than this. Camera pixels as large as the projector's blur by up to
-/// 0.35.
+/// The check warns when stripes are blurred by more projector pixels than this. Camera pixels as large as projector pixels cause a blur of
+/// up to 0.35.
 const BLUR: f64 = 0.6;
 
-/// The check warns when a second image has more than this fraction of the first image's light. A mirror ball and noise of an 8-bit camera
-/// have caused 1.2 %.
+/// The check warns when a second image has more than this fraction of the first image's light. A mirror ball in the scene and noise of an
+/// 8-bit camera have caused a second image of 1.2 %.
 const GHOST: f64 = 0.02;
 
 /// The least number of pixels along an axis that the checks of sharpness and ghost need.
@@ -209,7 +209,8 @@ fn second(light: &[f64], size: Resolution, ratio: f64) -> Option<[f64; 3]> {
     peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
     let &(share, [x, y]) = peaks.first()?;
     let next = peaks.iter().skip(1).find(|(_, [u, v])| {
-        // Neighbouring displacements belong to the same peak. On the axis, opposite displacements do too.
+        // Neighbouring displacements belong to the same peak. Opposite displacements also belong to the same peak, where both are tried: on
+        // the horizontal axis.
         let near = |sign: i64| (u - sign * x).abs().max((v - sign * y).abs()) as f64 <= 1.5 * ratio;
         !near(1) && !near(-1)
     });
