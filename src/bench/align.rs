@@ -1,4 +1,4 @@
-//! Coaxial alignment: whether camera and projector share one centre of projection, and otherwise where the camera must move.
+//! The check of coaxial alignment: whether camera and projector share one centre of projection, and otherwise where the camera must move.
 //!
 //! A round of structured light finds the point of the projector's raster that each camera pixel sees. If both devices share one centre, a
 //! single map relates their rasters for every scene. Otherwise, near surfaces are displaced relative to far ones:
@@ -135,8 +135,8 @@ impl Alignment {
         self.findings(options).iter().all(|found| found.grade == Grade::Ok)
     }
 
-    /// Draws the photo in gray, shadows in red, dark pixels in violet, and an arrow along the displacement of each cell that is displaced by
-    /// more than [`Self::least`]. One factor scales all arrows.
+    /// Draws the photo in gray, shadows in red, dark pixels in violet, and an arrow along each cell's displacement if it exceeds
+    /// [`Self::least`]. One factor scales all arrows.
     pub fn picture(&self) -> Raster {
         let lit: Vec<f64> = self.white.iter().copied().filter(|&light| light > 0.0).collect();
         let bright = nearest_rank(lit, 0.98).unwrap_or(1.0);

@@ -210,8 +210,8 @@ impl FrameFigures {
         }
     }
 
-    /// One line with all figures:
-    /// `frame     12: focus 5.951e-2, best 6.012e-2; saturated 0.0 %, black 0.0 %, brightest 2900 of 4095, mean 34.0 %; 20.1 a second of 0.0333 s`.
+    /// One line with all figures: `frame     12: focus 5.951e-2, best 6.012e-2; saturated 0.0 %, black 0.0 %, brightest 2900 of 4095, mean
+    /// 34.0 %; 20.1 a second of 0.0333 s`.
     pub fn line(&self, range: &CountRange) -> String {
         format!(
             "frame     {}: focus {}, best {}; saturated {}, black {}, brightest {} of {}, mean {}; {:.1} a second of {} s",

@@ -143,7 +143,7 @@ fn dark_line(
     for frame in dark.iter().flatten().chain(darks) {
         let samples = frame.counts.len() as f64;
         let mean = frame.mean();
-        // The whole mean count, black level included, is taken as light. This gives an upper bound of the shot noise.
+        // The mean count, black level included, is taken as light. This gives an upper bound of the shot noise.
         let variance = (read_noise.powi(2) + mean / gain) / samples;
         normal.add_full(&[1.0, frame.exposure], mean, 1.0 / variance.max(1e-9));
     }

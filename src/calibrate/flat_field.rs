@@ -1,8 +1,8 @@
 //! The brightness of the projector relative to the camera's, by the symmetry of the light transport.
 //!
-//! In a coaxial rig, let `p` be the vignetting of the projector and `c` that of the camera. The transport matrix is then `M = diag(c) A
-//! diag(p)` with a symmetric `A`. So `diag(q) M` is symmetric for the ratio `q = p / c`. The photos `y_j = M x_j` of smooth patterns `x_j`
-//! then satisfy
+//! In a coaxial rig, let `p` be the vignetting of the projector and `c` the vignetting of the camera. The transport matrix is then `M =
+//! diag(c) A diag(p)` with a symmetric `A`. So `diag(q) M` is symmetric for the ratio `q = p / c`. The photos `y_j = M x_j` of smooth
+//! patterns `x_j` then satisfy
 //!
 //! ```text
 //! Σ_i q_i (x_j(i) y_k(i) − x_k(i) y_j(i)) = 0        for each pair of patterns j, k

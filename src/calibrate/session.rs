@@ -197,8 +197,9 @@ impl CameraModel {
     }
 }
 
-// The latency of the projector is the time from the confirmation of a frame until only this frame's light, and all of it, is there. White
-// is shown after black and photographed after different waits. While the exposure still includes black, the photo has less light.
+// The latency of the projector is the time from the confirmation of a frame until the projector emits all of this frame's light and no
+// light of the previous frame. White is shown after black and photographed after different waits. While the exposure still includes black,
+// the photo has less light.
 
 /// The shortest wait above zero that is tried, in seconds.
 const SHORTEST: f64 = 1e-3;

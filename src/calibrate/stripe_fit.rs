@@ -158,8 +158,8 @@ fn limit(equations: &[EdgePixel]) -> f64 {
     LIMIT * percentile(equations.iter().map(EdgePixel::misfit), 0.5).max(f64::MIN_POSITIVE)
 }
 
-/// The standard error of the map, in projector pixels: the root mean square over the camera pixels. Interreflections mislead all camera
-/// pixels along an edge alike. Residuals are therefore summed per projector row and column before they are squared (cluster-robust
+/// The standard error of the map, in projector pixels: the root mean square over the camera pixels. Interreflections cause the same error
+/// in all camera pixels along an edge. Residuals are therefore summed per projector row and column before they are squared (cluster-robust
 /// covariance).
 fn field_error(map: &LensMap, equations: &[EdgePixel], pixels: &[usize]) -> Result<f64> {
     let limit = limit(equations);

@@ -197,7 +197,7 @@ impl FlatField {
         x.iter().zip(&self.projector).map(|(x, factor)| x / factor).collect()
     }
 
-    /// The vector `x` that a shown pattern represents.
+    /// The vector that a shown pattern represents: the pattern times the projector's brightness.
     pub(crate) fn shown(&self, pattern: &[f64]) -> Vec<f64> {
         pattern.iter().zip(&self.projector).map(|(x, factor)| x * factor).collect()
     }

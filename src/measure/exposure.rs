@@ -11,7 +11,7 @@ use super::response::CameraCurve;
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 
-/// The brightest pixel of the white photo, as a share of saturation. No pattern is brighter than white. The remaining range up to
+/// The brightest pixel of the white photo, as a fraction of saturation. No pattern is brighter than white. The remaining range up to
 /// saturation is for noise, for a lamp that becomes brighter, and for the light of the black photo.
 const TARGET: f64 = 0.8;
 
@@ -21,7 +21,7 @@ const DOWN: f64 = 1.0 / 8.0;
 /// The largest factor from the exposure of a test photo that is too dark to the next exposure.
 const UP: f64 = 64.0;
 
-/// A test photo is too dark to predict the exposure when its brightest pixel is below this share of saturation.
+/// A test photo is too dark to predict the exposure when its brightest pixel is below this fraction of saturation.
 const DARK: f64 = 0.05;
 
 /// The factor from one exposure of a bracket to the next. If the best exposure of a pixel lies between two exposures, the pixel gets at

@@ -7,7 +7,7 @@ use super::lens_map::LensMap;
 use super::spread::{SparseRows, WeightedColumn};
 use crate::image::Resolution;
 
-/// A projector pixel is seen when lit camera pixels cover at least this share of its area.
+/// A projector pixel is seen when lit camera pixels cover at least this fraction of its area.
 const COVERED: f64 = 0.25;
 
 /// The pixel map by overlap. Each projector pixel is seen by the camera pixels that overlap it. The weights of these camera pixels keep the
@@ -116,8 +116,8 @@ pub(crate) fn area(points: &[[f64; 2]]) -> f64 {
 //
 // A camera pixel that straddles two projector pixels sees the light of both. A mean over all camera pixels that overlap a projector pixel
 // therefore contains light of its neighbours, which looks like global light. Camera pixels inside the projector pixel should count more.
-// With the share `c_jk` of camera pixel `j` that lies in projector pixel `k`, the weights `r_j` of projector pixel `i` minimise, with
-// Kronecker's `δ`,
+// Let `c_jk` be the fraction of camera pixel `j` that lies in projector pixel `k`, and `δ` Kronecker's delta. The weights `r_j` of the
+// camera pixels for projector pixel `i` minimise
 //
 // ```text
 // Σ_k (Σ_j r_j c_jk − δ_ik)²  +  λ Σ_j r_j²        where  Σ_jk r_j c_jk = 1
@@ -141,7 +141,8 @@ const REACH: usize = 2;
 /// The conjugate gradient iteration stops when the norm of the gradient is at most this value.
 const ACCURACY: f64 = 1e-6;
 
-/// Computes the shares from the `areas` of the camera's pixels and from the areas of their `overlaps`, which are listed by projector pixel.
+/// Divides each area in `overlaps`, which are listed by projector pixel, by the camera pixel's area in `areas`. The result has one row per
+/// camera pixel.
 fn shares_of(areas: &[f64], overlaps: &[Vec<WeightedColumn>]) -> SparseRows {
     let share = |&(camera, area): &WeightedColumn| (camera, area / areas[camera as usize]);
     let shares: Vec<Vec<WeightedColumn>> =

@@ -67,7 +67,7 @@ pub trait FrameSource: Send {
     /// The camera.
     fn camera(&self) -> &CameraInfo;
 
-    /// Takes the requested photo, or returns the earlier photo of an equal request. The frame was exposed with the requested frame on
+    /// Takes the requested photo, or returns the earlier photo of an equal request. The photo was exposed with the requested frame on
     /// screen, and was never returned for another request.
     ///
     /// # Errors

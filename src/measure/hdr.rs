@@ -130,9 +130,10 @@ pub(crate) struct RateFrame {
     pub(crate) values: Vec<f64>,
     /// The variances of the rates, without the variance of the black photo, which all photos share.
     pub(crate) variance: Vec<f64>,
-    /// The subtracted share of each exposure's black rate, one plane per exposure. It is `None` for a single exposure, whose share is 1.
+    /// The weights `w_e` with which the black rates `B_e / t_e` were subtracted, one plane per exposure. They are `None` for a single
+    /// exposure, whose weight is 1.
     pub(crate) shares: Option<Vec<Vec<f64>>>,
-    /// The factor of the drift correction. The shares must be multiplied by this factor.
+    /// The factor of the drift correction. `shares` must be multiplied by this factor.
     pub(crate) scale: f64,
 }
 

@@ -159,12 +159,13 @@ impl Measurement {
         Ok(self.pipeline.references()?.exposures.clone())
     }
 
-    /// The share of the camera's samples that are saturated in some exposure of the white photo. Shorter exposures replace these samples.
+    /// The fraction of the camera's samples that are saturated in some exposure of the white photo. Shorter exposures replace these
+    /// samples.
     pub fn saturated(&mut self) -> Result<f64> {
         Ok(self.pipeline.references()?.saturated)
     }
 
-    /// The drift of the lamp, measured by sentinels (repeated photos of white).
+    /// The drift of the lamp, measured by repeated photos of white.
     pub fn drift(&mut self) -> Result<DriftReport> {
         self.pipeline.references()?;
         Ok(self.pipeline.drift.report())

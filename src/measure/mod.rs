@@ -10,7 +10,7 @@
 //!
 //! | file | stage | section |
 //! |---|---|---|
-//! | `live` | waits until the light has settled, and distinguishes new frames from old ones | |
+//! | `live` | waits until the light has settled, and distinguishes new frames from old frames | |
 //! | `response` | converts counts to light with its noise, and light to levels | 8.1 |
 //! | `exposure`, `hdr` | choose exposures, average repeated frames, subtract the black photo, merge by inverse variance | 7.2, 8.2 |
 //! | `photo_pipeline` | divides photos by the lamp's brightness, which repeated photos of white measure | |

@@ -38,7 +38,7 @@ pub struct MeasureOptions {
     pub registration: bool,
     /// Divide patterns and photos by the measured uneven brightness of projector and camera.
     pub flat_field: bool,
-    /// Patterns between two sentinels, which are photos of white that measure drift. 0 means no sentinels.
+    /// The number of patterns between two photos of white that measure drift. 0 means that drift is not measured.
     pub sentinel_every: u32,
     /// Standard deviation in pixels of the Gaussian blur of both pattern and photo. 0 means no blur.
     pub blur: f64,

@@ -44,7 +44,7 @@ pub(crate) struct ReferencePhotos {
     pub(crate) exposures: Vec<f64>,
     pub(crate) blacks: BlackPhotos,
     pub(crate) white: Arc<RateFrame>,
-    /// The share of the used samples that are saturated in at least one exposure of white.
+    /// The fraction of the used samples that are saturated in at least one exposure of white.
     pub(crate) saturated: f64,
     /// The photo of white at the shortest exposure, with which sentinels are compared.
     reference: AveragedExposure,
@@ -195,7 +195,7 @@ impl PhotoPipeline {
     }
 }
 
-// The drift stage: photos are divided by the brightness of the lamp, which sentinels measure.
+// The drift stage: photos are divided by the brightness of the lamp.
 //
 // A sentinel is a photo of white that is repeated after a fixed number of patterns. The brightness of the lamp is the sentinel's light
 // relative to the first white photo. A photo is corrected as soon as it is taken, so the brightness at its time is extrapolated from the

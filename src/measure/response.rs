@@ -7,8 +7,8 @@ use super::calibration::CameraResponse;
 use crate::error::{Error, Result};
 use crate::rig::RawFrame;
 
-/// The smallest variance that is ever predicted, as a share of the variance without light. Without this bound, a dark pixel whose expected
-/// value is negative by chance would get too large a weight.
+/// The smallest variance that is ever predicted, as a fraction of the variance without light. Without this bound, a dark pixel whose
+/// expected value is negative by chance would get too large a weight.
 const LEAST_VARIANCE: f64 = 0.25;
 
 /// Converts a camera's counts to linear light with its variance.

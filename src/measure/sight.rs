@@ -18,11 +18,11 @@ use crate::image::Resolution;
 /// without any light of the projector.
 const SEEN: f64 = 10.0;
 
-/// The least share of the pixels of the pixel map that must see the projector.
+/// The smallest fraction of the pixel map's pixels that must see the projector.
 const LEAST: f64 = 0.5;
 
-/// The largest accepted change of white's light, as a share, from one photo of white to the next. A line corrects the photos between two
-/// photos of white, and its continuation corrects the photos after the last photo of white. An error of this size may therefore remain.
+/// The largest accepted relative change of white's light from one photo of white to the next. The lamp's brightness is interpolated between
+/// photos of white, and extrapolated after the last of them. An error of this size may therefore remain.
 const STEP: f64 = 0.05;
 
 impl Measurement {
@@ -157,7 +157,7 @@ mod tests {
     use rand_pcg::Pcg64;
 
     /// The finding about a simulated rig of eight by eight pixels. `noise`, `room` and `white` are counts of noise, of room light and of
-    /// white. Room light changes by the share `change` from photo to photo.
+    /// white. Room light changes by up to the fraction `change` from photo to photo.
     fn found(seed: u64, [noise, room, white, change]: [f64; 4], options: &MeasureOptions) -> Finding {
         let mut random = Pcg64::seed_from_u64(seed);
         let photo = move |request: &CaptureRequest, _| {

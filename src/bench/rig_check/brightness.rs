@@ -196,7 +196,7 @@ fn levels(probe: &Probe<'_>, ends: [f64; 2]) -> Finding {
 // The check of the projector's colours: whether red, green and blue add up to gray of the same level.
 //
 // If a colour wheel has a white segment, gray is brighter than the sum of its colours. The same is true of a projector that trades
-// saturation for brightness. Photos are then linear in gray patterns, but not in coloured ones.
+// saturation for brightness. Photos are then linear in gray patterns, but not in coloured patterns.
 
 /// The levels of the colours, as fractions of the highest level. A projector may use its white segment for bright colours only.
 const LEVELS: [f64; 2] = [1.0, 0.5];

@@ -44,7 +44,7 @@ pub(crate) fn picture(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) ->
     recorder.add(finding)
 }
 
-/// Checks whether the outermost rows and columns of the frame are seen. In a coaxial rig, the light of the border in the whole photo equals
+/// Checks whether the outermost rows and columns of the frame are seen. In a coaxial rig, the total light of a photo of the border equals
 /// the light of white in the area where the border should be seen.
 fn border(probe: &mut Probe<'_>) -> Result<Finding> {
     let (projector, camera) = (probe.projector(), probe.camera());
@@ -329,8 +329,8 @@ mod tests {
         }
     }
 
-    /// The border has 1584 of 38,400 pixels, or 4.1 %. If the border's reflectance is `b` times that of the other pixels, the border has `b
-    /// / (0.959 + 0.041 b)` of the light that it would have in an even scene: 5.5 and 4.5 %.
+    /// The border has 1584 of 38,400 pixels, or 4.1 %. If the border's reflectance is `b` times the reflectance of the other pixels, the
+    /// border has `b / (0.959 + 0.041 b)` of the light that it would have in an even scene: 5.5 and 4.5 %.
     #[test]
     fn a_border_is_not_examined_where_the_scene_is_dark_there() {
         let size = Resolution::new(240, 160);
