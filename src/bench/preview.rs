@@ -45,8 +45,8 @@ impl CountRange {
         Ok(Self { black: raw.percentile(0.5), limit: full, full })
     }
 
-    /// Paints a frame in sRGB, from the count without light to the largest count. A pixel with a saturated sample is [`SATURATED`]. A pixel
-    /// whose samples are all 0 is [`CRUSHED`].
+    /// Paints a frame in sRGB. The count without light is black, and the largest count is white. A pixel with a saturated sample is
+    /// [`SATURATED`]. A pixel whose samples are all 0 is [`CRUSHED`].
     pub fn paint(&self, frame: &RawFrame) -> Raster {
         let range = (self.full - self.black).max(1.0);
         let pixels = frame.counts.chunks_exact(frame.channels).map(|pixel| {

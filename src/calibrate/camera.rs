@@ -252,12 +252,12 @@ fn bins(pair: &[RawFrame; 2], linear: &Linear, limit: f64) -> Vec<Point> {
     samples
         .chunks(size)
         .filter(|chunk| chunk.len() >= 32)
-        // A flat inverse response has a slope that is too uncertain to convert the noise.
+        // Where the inverse response is flat, its slope is too uncertain to convert the noise.
         .filter(|chunk| chunk.iter().all(|sample| sample.2 > FLAT * FLAT))
         .map(|chunk| {
             let count = chunk.len() as f64;
             let mean = |of: &dyn Fn(&(f64, f64, f64)) -> f64| chunk.iter().map(of).sum::<f64>() / count;
-            // The mean difference of the two frames is a change of the light. It is subtracted.
+            // The mean difference of the two frames is a change of the light, which is subtracted.
             let drift = mean(&|sample| sample.1);
             let squares: f64 = chunk.iter().map(|sample| (sample.1 - drift).powi(2)).sum();
             Point {

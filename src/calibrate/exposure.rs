@@ -265,7 +265,7 @@ mod tests {
             found_of_saturation(100.0, move |pixel| [700.0, if pixel < 3 { 900.0 - less } else { 900.0 }])
         };
         assert_eq!(uneven(10.0), Plateau { limit: 880.0, ..even });
-        // A spread of a fiftieth of the range (twenty counts) still counts as flat.
+        // A spread of a fiftieth of the range (twenty counts) is still regarded as flat.
         assert_eq!(uneven(20.0), Plateau { limit: 860.0, ..even });
         assert_eq!(uneven(21.0), UNREACHED);
     }

@@ -104,8 +104,8 @@ mod tests {
         }
     }
 
-    /// The camera sees points that lie one pixel to the right of the map's points and half a pixel above them. It has an offset and a
-    /// curved response.
+    /// The camera sees points that lie one pixel to the right of the map's points and half a pixel above them. The camera has an offset and
+    /// a curved response.
     #[test]
     fn a_map_that_is_off_by_a_shift_is_found_through_black_and_response() {
         use crate::measure::CaptureRequest;

@@ -213,7 +213,7 @@ mod tests {
     fn exposures_are_whole_refreshes_of_the_projector_or_else_parts_of_one() {
         let refresh = 1.0 / 60.0;
         let flickering = |light: f64| Scene { frame_time: refresh, ..Scene::of(&[light]) };
-        // 0.264 s are 15.8 refreshes. The first test photo takes one refresh.
+        // 0.264 s would be 15.8 refreshes, so 15 refreshes are chosen. The first test photo takes one refresh.
         let (chosen, asked) = flickering(3000.0).choose(1);
         assert!((chosen.expect("there is light")[0] - 15.0 * refresh).abs() < 1e-12);
         assert_eq!(asked, [refresh]);

@@ -300,7 +300,7 @@ mod tests {
         for samples in [[20.0, 60.0], [2.0, 60.0]] {
             let seconds = [1.0, 4.0];
             let (rate, shares) = merged(&[0, 1].map(|e| exposed(seconds[e], samples[e])));
-            // Shot noise and read noise of the expected counts, as variances of the rate.
+            // The inverse variances of the rates, from shot noise and read noise of the expected counts.
             let weights = seconds.map(|t| t * t / (rate * t + 4.0));
             let share = weights[0] / (weights[0] + weights[1]);
             // Two iterations are accurate to a thousandth.

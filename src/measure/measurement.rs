@@ -326,7 +326,7 @@ mod tests {
     use super::*;
     use crate::measure::{JournaledFrames, LiveFrames, Opener};
 
-    /// Compiles only for types that may move to another thread.
+    /// A call compiles only if `T` may move to another thread.
     fn assert_send<T: Send>() {}
 
     #[test]

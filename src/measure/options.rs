@@ -18,8 +18,8 @@ pub struct MeasureOptions {
     pub dither: DitherBy,
     /// The seed of random dither.
     pub dither_seed: u64,
-    /// Add the direct light of the rounding error to each product. Only the global light of the rounding error is then missing. This needs
-    /// the direct image, which costs a few patterns once.
+    /// Add to each product the direct light that is missing because of rounding. Only the global light of the rounding error is then
+    /// missing. This needs the direct image, which costs a few patterns once.
     pub compensate_rounding: bool,
     /// Exposures in seconds, the shortest first. They are merged by inverse variance. When empty, they are chosen from photos of white.
     pub exposures: Vec<f64>,
@@ -71,7 +71,7 @@ pub enum SignedBy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DitherBy {
-    /// Error diffusion for the global part, because global light is insensitive to high spatial frequencies. Nearest levels otherwise.
+    /// Error diffusion for the global part, because global light is insensitive to high spatial frequencies, and nearest levels otherwise.
     Auto,
     /// Each pixel shows the nearest level. The error at each pixel is the least possible, but the errors of neighbours are correlated.
     None,

@@ -76,7 +76,7 @@ impl PhotoPipeline {
         }
     }
 
-    /// The photo of `frame`, corrected for drift. The photo of white is the reference.
+    /// The photo of `frame`, corrected for the drift of the lamp since the first photo of white.
     pub(crate) fn photograph(&mut self, frame: &Arc<Frame>) -> Result<Arc<RateFrame>> {
         let references = self.references()?;
         if *frame == self.white {

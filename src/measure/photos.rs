@@ -207,8 +207,8 @@ impl Measurement {
     }
 
     /// Estimates the error of a photo of this pattern that is due to rounding to the projector's levels. For each channel, the estimate is
-    /// the norm of the white photo times the difference between the pattern and the shown pattern. It needs no photo except the white
-    /// photo.
+    /// the norm of the difference between the pattern and the shown pattern, multiplied pixel by pixel by the white photo. It needs no
+    /// photo except the white photo.
     pub fn rounding(&mut self, pattern: &Image) -> Result<Vec<f64>> {
         let mut left: Vec<Vec<f64>> =
             (0..pattern.channels()).map(|channel| self.even_pattern(&pattern.plane(channel))).collect();

@@ -146,7 +146,7 @@ impl NoisePrediction<'_> {
     }
 
     fn of_black(&self) -> f64 {
-        // Dim pixels have nearly all of their weight at the longest exposure.
+        // Only the longest exposure is considered, because dim pixels have nearly all of their weight there.
         self.references.blacks.variance.last().map_or(0.0, |black| self.total(|sample| black[sample]))
     }
 }

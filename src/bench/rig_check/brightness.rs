@@ -373,7 +373,7 @@ mod tests {
                 let finding = iris(probe, [before, after], &quadrants);
                 assert!(finding.grade == grade && finding.found.contains(text), "{finding}");
             }
-            // If photos scatter by 8 %, their sum scatters by half of that.
+            // If photos scatter by 8 %, the sum of the quadrants scatters by 4 %.
             probe.scatter = 0.08;
             for (sum, grade) in [(2.21, Grade::Ok), (2.23, Grade::Warning)] {
                 let quadrants = vec![vec![0.25 * sum; 20]; 4];

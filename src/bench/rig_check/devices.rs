@@ -192,7 +192,7 @@ pub(crate) fn space(folder: &Path, camera: &CameraInfo) -> Finding {
     if let Err(why) = atomic::check_writable(&there.join("krylux-check")) {
         return Finding::error("disk", &why);
     }
-    // A journal stores two bytes per sample. Levels and headers take less space than the photos.
+    // A journal stores two bytes per sample. Levels and headers are neglected, because they take less space than the photos.
     let photo_bytes = 2 * (camera.resolution.pixels() * camera.channels) as u64;
     let Some(free) = free(&there) else {
         return Finding::ok("disk", format!("{} can be written; the free space is unknown", there.display()));

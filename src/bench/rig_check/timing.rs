@@ -5,7 +5,8 @@ use super::{Finding, Grade, Recorder};
 use crate::error::Result;
 use crate::finding::{Ratio, SIGMAS, decimal};
 
-/// The bound on pulses of light. White's light per second may differ by this fraction between exposures that are not whole refreshes.
+/// The bound on pulses of light. White's light per second may differ by this fraction between exposures that are not whole multiples of a
+/// refresh.
 const PULSES: f64 = 0.02;
 
 /// The bound on pulses where the camera's response is not known. A response of `x^0.95` causes a difference of 5 %.
