@@ -209,7 +209,7 @@ impl SparseRows {
         Self { starts, entries: rows.concat() }
     }
 
-    /// The transpose of the matrix with these rows and this number of `columns`. Its entries ascend in each row.
+    /// The transpose of the matrix with these rows and this number of `columns`. The columns ascend in each row.
     pub(crate) fn transposed(rows: &[Vec<WeightedColumn>], columns: usize) -> Self {
         let mut starts = vec![0; columns + 1];
         for &(column, _) in rows.iter().flatten() {

@@ -1,4 +1,4 @@
-//! Coaxial alignment: whether camera and projector share one centre of projection, and otherwise where the camera must move.
+//! The check of coaxial alignment: whether camera and projector share one centre of projection, and otherwise where the camera must move.
 //!
 //! A round of structured light finds the point of the projector's raster that each camera pixel sees. If both devices share one centre, a
 //! single map relates their rasters for every scene. Otherwise, near surfaces are displaced relative to far ones:
@@ -6,7 +6,7 @@
 //! | figure | source |
 //! |---|---|
 //! | disparity | codes compared with the single map that fits most of them |
-//! | camera offset | the cells displaced from that map, which are assumed to be nearer |
+//! | camera offset | blocks of camera pixels (cells) that are displaced from that map, and are assumed to see nearer surfaces |
 //! | shadow | camera pixels that see the scene, but no light straight from the projector |
 //! | symmetry | `yᵀ A x` compared with `xᵀ A y`, as in [`crate::bench::audit`] |
 //!
@@ -135,8 +135,8 @@ impl Alignment {
         self.findings(options).iter().all(|found| found.grade == Grade::Ok)
     }
 
-    /// Draws the photo in gray, shadows in red, dark pixels in violet, and an arrow along the displacement of each cell that is displaced by
-    /// more than [`Self::least`]. One factor scales all arrows.
+    /// Draws the photo in gray, shadows in red, dark pixels in violet, and an arrow along each cell's displacement if it exceeds
+    /// [`Self::least`]. One factor scales all arrows.
     pub fn picture(&self) -> Raster {
         let lit: Vec<f64> = self.white.iter().copied().filter(|&light| light > 0.0).collect();
         let bright = nearest_rank(lit, 0.98).unwrap_or(1.0);
@@ -298,7 +298,8 @@ pub(crate) fn symmetry(
         photos.push(resampled(&map, &photo, black, |light| observer.variance(light)));
         patterns.push(pattern);
     }
-    // The black photo is subtracted from every photo. So `2 photo − white` contains it once, and its noise is added to the noise of white.
+    // The black photo is subtracted from every photo, so `2 photo − white` contains the black photo once. The noise of black is therefore
+    // added to the noise of white.
     let white = resampled(&map, &white, black, |light| observer.variance(light));
     let dark = resampled(&map, black, black, |light| observer.variance(light));
     let variance = white.variance.iter().zip(&dark.variance).map(|(white, black)| white + black).collect();

@@ -45,8 +45,8 @@ impl CountRange {
         Ok(Self { black: raw.percentile(0.5), limit: full, full })
     }
 
-    /// Paints a frame in sRGB, from the count without light to the largest count. A pixel with a saturated sample is [`SATURATED`]. A pixel
-    /// whose samples are all 0 is [`CRUSHED`].
+    /// Paints a frame in sRGB. The count without light is black, and the largest count is white. A pixel with a saturated sample is
+    /// [`SATURATED`]. A pixel whose samples are all 0 is [`CRUSHED`].
     pub fn paint(&self, frame: &RawFrame) -> Raster {
         let range = (self.full - self.black).max(1.0);
         let pixels = frame.counts.chunks_exact(frame.channels).map(|pixel| {
@@ -97,8 +97,8 @@ pub struct LivePreview {
 
 impl LivePreview {
     /// Starts a preview of a pattern, which is shown as levels, with this exposure in seconds. If no exposure is given, it is chosen so
-    /// that white fills the camera's range, and the outcome says whether there is such an exposure. If the camera's response is `known`, it
-    /// determines the meaning of the counts. Fails as [`level_frame`] does, and when the rig fails.
+    /// that white fills the camera's range, and the returned [`WhiteExposure`] says whether there is such an exposure. If the camera's
+    /// response is `known`, it determines the meaning of the counts. Fails as [`level_frame`] does, and when the rig fails.
     pub fn new(
         mut frames: Box<dyn FrameSource>,
         known: Option<&CameraResponse>,
@@ -176,7 +176,7 @@ pub struct FrameFigures {
     pub saturated: f64,
     /// The fraction of samples whose count is 0.
     pub black: f64,
-    /// The [focus score](focus()) of this frame and the previous one. The first frame has none.
+    /// The [focus score](focus()) of this frame and the previous one. The first frame has no score.
     pub focus: Option<f64>,
     /// The best focus score so far.
     pub best_focus: Option<f64>,
@@ -210,8 +210,8 @@ impl FrameFigures {
         }
     }
 
-    /// One line with all figures:
-    /// `frame     12: focus 5.951e-2, best 6.012e-2; saturated 0.0 %, black 0.0 %, brightest 2900 of 4095, mean 34.0 %; 20.1 a second of 0.0333 s`.
+    /// One line with all figures: `frame     12: focus 5.951e-2, best 6.012e-2; saturated 0.0 %, black 0.0 %, brightest 2900 of 4095, mean
+    /// 34.0 %; 20.1 a second of 0.0333 s`.
     pub fn line(&self, range: &CountRange) -> String {
         format!(
             "frame     {}: focus {}, best {}; saturated {}, black {}, brightest {} of {}, mean {}; {:.1} a second of {} s",

@@ -93,7 +93,7 @@ pub(crate) fn camera(
     })
 }
 
-/// Captures white at ascending exposures, then at descending ones, so that a drift of the light cancels.
+/// Captures white at ascending exposures, then at descending exposures, so that a drift of the light cancels.
 fn series(
     session: &mut CalibrationSession<'_>,
     white: &Arc<Frame>,
@@ -143,7 +143,7 @@ fn dark_line(
     for frame in dark.iter().flatten().chain(darks) {
         let samples = frame.counts.len() as f64;
         let mean = frame.mean();
-        // The whole mean count, black level included, is taken as light. This gives an upper bound of the shot noise.
+        // The mean count, black level included, is taken as light. This gives an upper bound of the shot noise.
         let variance = (read_noise.powi(2) + mean / gain) / samples;
         normal.add_full(&[1.0, frame.exposure], mean, 1.0 / variance.max(1e-9));
     }
@@ -205,8 +205,8 @@ struct Point {
     samples: f64,
 }
 
-/// Fits the photon transfer line to pairs of frames. One pair should be as dark as possible. Samples of at least `limit` are left out.
-/// Fails with [`Error::Numerical`] when all pairs have the same brightness.
+/// Fits the photon transfer line to pairs of frames. One pair should be as dark as possible. Samples whose count is at least `limit` are
+/// left out. Fails with [`Error::Numerical`] when all pairs have the same brightness.
 pub(crate) fn transfer(pairs: &[[RawFrame; 2]], linear: &Linear, limit: f64) -> Result<Transfer> {
     let points: Vec<Point> = pairs.iter().flat_map(|pair| bins(pair, linear, limit)).collect();
     let mut estimate = [1.0, 1.0];
@@ -252,12 +252,12 @@ fn bins(pair: &[RawFrame; 2], linear: &Linear, limit: f64) -> Vec<Point> {
     samples
         .chunks(size)
         .filter(|chunk| chunk.len() >= 32)
-        // A flat inverse response has a slope that is too uncertain to convert the noise.
+        // Where the inverse response is flat, its slope is too uncertain to convert the noise.
         .filter(|chunk| chunk.iter().all(|sample| sample.2 > FLAT * FLAT))
         .map(|chunk| {
             let count = chunk.len() as f64;
             let mean = |of: &dyn Fn(&(f64, f64, f64)) -> f64| chunk.iter().map(of).sum::<f64>() / count;
-            // The mean difference of the two frames is a change of the light. It is subtracted.
+            // The mean difference of the two frames is a change of the light, which is subtracted.
             let drift = mean(&|sample| sample.1);
             let squares: f64 = chunk.iter().map(|sample| (sample.1 - drift).powi(2)).sum();
             Point {
@@ -280,7 +280,7 @@ mod tests {
         let white = RawFrame {
             resolution: Resolution::new(2, 2),
             channels: 1,
-            // The last pixel is below black. It is taken as zero light.
+            // The last pixel is below black, which counts as zero light.
             counts: vec![410, 810, 1210, 5],
             exposure: 0.1,
             id: 1,
@@ -350,7 +350,7 @@ mod tests {
         );
     }
 
-    /// Below 600, the curve rises by two linear DN per count. From 600 on, it rises by a tenth.
+    /// Below 600, the curve rises by two linear DN per count. From 600 on, it rises by 0.1 linear DN per count.
     #[test]
     fn noise_is_converted_by_the_slope_of_the_response_and_not_used_where_it_is_flat() {
         let curve: Vec<f64> = (0..1024)

@@ -1,8 +1,8 @@
 //! The displacement of a photo relative to a known pattern, to fractions of a pixel.
 //!
-//! The photo at `x` shows the pattern at `x + d(x)`, where the displacement `d` is an affine function of `x`. Both are blurred equally.
-//! Gauss–Newton iteration then finds `d` (Lucas and Kanade, *An iterative image registration technique*, 1981), starting from the best
-//! whole-pixel shift.
+//! The photo at `x` shows the pattern at `x + d(x)`, where the displacement `d` is an affine function of `x`. Photo and pattern are blurred
+//! equally. Gauss–Newton iteration then finds `d` (Lucas and Kanade, *An iterative image registration technique*, 1981), starting from the
+//! best whole-pixel shift.
 
 use super::least_squares::Normal;
 use crate::error::{Error, Result};
@@ -172,7 +172,7 @@ impl Pictures {
             for (number, entry) in found.covariance.iter().enumerate() {
                 covariance[number / unknowns * UNKNOWNS + number % unknowns] = entry * scale;
             }
-            // The gradients are valid only within one pixel.
+            // The gradients are valid only within one pixel, so no step is longer.
             let step: Vec<f64> =
                 found.values[2..].iter().map(|value| (value / amplitude).clamp(-1.0, 1.0)).collect();
             d.by.iter_mut().zip(&step).for_each(|(d, step)| *d += step);
@@ -299,7 +299,7 @@ mod tests {
     fn a_shift_is_found_to_a_twentieth_of_a_pixel() {
         for shift in [[0.3, -0.2], [-5.6, 3.4], [0.05, 0.0]] {
             let found = found(|_| shift);
-            // Bilinear interpolation blurs differently from a Gaussian. The difference causes this error.
+            // The photo is interpolated bilinearly, which blurs differently from a Gaussian. The tolerance covers the resulting error.
             let off = (found.shift[0] - shift[0]).hypot(found.shift[1] - shift[1]);
             assert!(off < 0.05, "{shift:?}: {found:?}");
             assert!((found.off - shift[0].hypot(shift[1])).abs() < 0.1, "{found:?}");

@@ -90,7 +90,7 @@ pub(crate) fn search(
         }
         exposure = next;
     }
-    // The full well of the camera is reached below the target, so bright pixels cannot reach the target.
+    // The camera's full well saturates below the target, so bright pixels cannot reach the target.
     Ok((exposure, WhiteExposure::Filled))
 }
 
@@ -162,7 +162,7 @@ mod tests {
 
     /// Searches the exposure for a hundred pixels. The function `light` gives the light of a pixel, in counts per second above the black
     /// level of 10. Returns the exposure, the outcome and all exposures that were tried. The largest count is 1023. The target for bright
-    /// pixels is 10 + 0.7 · 1013 = 719 counts, within 101.
+    /// pixels is 10 + 0.7 · 1013 = 719 counts. A difference of up to 101 counts is accepted.
     fn found(light: impl Fn(usize) -> f64 + Send) -> (f64, WhiteExposure, Vec<f64>) {
         let photo = move |request: &CaptureRequest, _| {
             let is_white = request.frame.levels()[0] > 0;
@@ -265,7 +265,7 @@ mod tests {
             found_of_saturation(100.0, move |pixel| [700.0, if pixel < 3 { 900.0 - less } else { 900.0 }])
         };
         assert_eq!(uneven(10.0), Plateau { limit: 880.0, ..even });
-        // A spread of a fiftieth of the range (twenty counts) still counts as flat.
+        // A spread of a fiftieth of the range (twenty counts) is still regarded as flat.
         assert_eq!(uneven(20.0), Plateau { limit: 860.0, ..even });
         assert_eq!(uneven(21.0), UNREACHED);
     }

@@ -1,8 +1,8 @@
 //! The brightness of the projector relative to the camera's, by the symmetry of the light transport.
 //!
-//! In a coaxial rig, let `p` be the vignetting of the projector and `c` that of the camera. The transport matrix is then `M = diag(c) A
-//! diag(p)` with a symmetric `A`. So `diag(q) M` is symmetric for the ratio `q = p / c`. The photos `y_j = M x_j` of smooth patterns `x_j`
-//! then satisfy
+//! In a coaxial rig, let `p` be the vignetting of the projector and `c` the vignetting of the camera. The transport matrix is then `M =
+//! diag(c) A diag(p)` with a symmetric `A`. So `diag(q) M` is symmetric for the ratio `q = p / c`. The photos `y_j = M x_j` of smooth
+//! patterns `x_j` then satisfy
 //!
 //! ```text
 //! Σ_i q_i (x_j(i) y_k(i) − x_k(i) y_j(i)) = 0        for each pair of patterns j, k
@@ -13,8 +13,8 @@
 //! 1.
 //!
 //! Most light is direct, so it must cancel precisely. The camera's pixels shift and spread the direct light by the matrix `S`. On the left
-//! side of the equation, `x_j` is therefore replaced by `w_j` with `Sᵀ w_j = x_j`. The shift due to an error of the pixel map is included
-//! in the standard error of the equation.
+//! side of the equation, `x_j` is therefore replaced by `w_j` with `Sᵀ w_j = x_j`. An error of the pixel map also shifts the direct light.
+//! This shift is included in the standard error of the equation.
 
 use super::MeasuredValue;
 use super::least_squares::Normal;
@@ -45,7 +45,8 @@ pub(crate) struct BrightnessRatio {
     pub(crate) range: MeasuredValue,
 }
 
-/// Measures the ratio by photos of smooth patterns. `curves` are the projector's responses. `map_error` is in projector pixels.
+/// Measures the ratio by photos of smooth patterns. `curves` are the projector's responses. `map_error` is the standard error of the pixel
+/// map, in projector pixels.
 pub(crate) fn ratio(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel,
@@ -70,7 +71,7 @@ pub(crate) fn ratio(
         let pairs = (0..TERMS * TERMS).map(|at| (at / TERMS, at % TERMS));
         pairs.map(|(i, j)| terms[i] * terms[j] * solution.covariance[i * TERMS + j]).sum::<f64>().sqrt()
     };
-    // A smaller ratio is implausible: each device is at least a twentieth as bright at all visible pixels as at its centre.
+    // A ratio below 0.05 is implausible: each device is at least a twentieth as bright at all visible pixels as at its centre.
     let values: Vec<f64> = terms.iter().map(|terms| (1.0 + at(terms)).max(0.05)).collect();
     let [least, most] =
         [f64::min, f64::max].map(|choose| values.iter().copied().reduce(choose).unwrap_or(1.0));
@@ -294,7 +295,7 @@ mod tests {
         assert_eq!(unspread(&[1.0, 2.0], None), [1.0, 2.0]);
     }
 
-    /// The prior (all terms are small) is combined with one equation. The terms are then proportional to the equation's row.
+    /// The prior (all terms are small) is combined with one equation. The solution is then proportional to the equation's row.
     #[test]
     fn an_equation_is_weighed_by_noise_response_and_map() {
         let photos = Photos {

@@ -1,6 +1,7 @@
 //! Weighted linear least squares for a few unknowns, cluster-robust covariances, and isotonic regression.
 //!
-//! The rows are summed up as normal equations, because a fit can have one row per camera pixel, and a QR factorization would hold all rows.
+//! The rows are summed up as normal equations, because a fit can have one row per camera pixel, and a QR factorization would keep all rows
+//! in memory.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +12,7 @@ use faer::{Col, Mat, Side};
 use crate::error::{Error, Result};
 use crate::measure::lens_map::PARAMETERS;
 
-/// A smaller pivot of the scaled matrix is attributed to rounding.
+/// A pivot of the scaled matrix that is smaller than this is attributed to rounding.
 const SMALLEST_PIVOT: f64 = 1e-13;
 
 /// The normal equations `Σ w a aᵀ x = Σ w a y` of rows `aᵀ x ≈ y` with weights `w = 1/σ²`.
@@ -138,8 +139,8 @@ impl Clusters {
         pull.iter_mut().zip(slopes).for_each(|(pull, slope)| *pull += weighted_residual * slope);
     }
 
-    /// Computes the covariance of the parameters, row by row. Each group shifts the parameters, and the squares of these shifts are summed.
-    /// `inverse` is the inverse of the normal matrix.
+    /// Computes the covariance of the parameters, row by row. The gradient of each group, times `inverse`, is a shift of the parameters.
+    /// The covariance is the sum of the outer products of these shifts. `inverse` is the inverse of the normal matrix.
     pub(crate) fn covariance(&self, inverse: &[f64]) -> Vec<f64> {
         let mut covariance = vec![0.0; PARAMETERS * PARAMETERS];
         for pull in self.0.values() {
@@ -210,7 +211,7 @@ mod tests {
             together.add((0, 7), &first, 0.5);
             apart.add((0, number), &first, 0.5);
         }
-        // The two groups give (4 · ½)² if summed together, and 4 · (½)² if apart.
+        // Four residuals of ½ give (4 · ½)² in one group, and 4 · (½)² in four groups.
         assert_eq!(form(&together.covariance(&identity), &first), 4.0);
         assert_eq!(form(&apart.covariance(&identity), &first), 1.0);
     }

@@ -28,7 +28,8 @@ const PATTERNS: usize = 8;
 /// Projector pixels with less than this fraction of the median light are not used.
 const DARK: f64 = 0.1;
 
-/// Measures the displacement of the pixel map of `known`. Photographs black, white and a pattern (several in a small field) at `exposure` s.
+/// Measures the displacement of the pixel map of `known`. Photographs black, white and a pattern (several patterns in a small field) at
+/// `exposure` seconds.
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] when the photos do not show the pattern.
@@ -36,7 +37,7 @@ pub fn map_check(frames: &mut dyn FrameSource, known: &Calibration, exposure: f6
     let mut session = CalibrationSession::new(frames);
     let (model, map) = (CameraModel::of(&known.camera, exposure, 1), &known.registration);
     let size = map.projector;
-    // The photo at each projector pixel, in linear DN summed over all channels. It is 0 where no camera pixel sees it.
+    // The photo at each projector pixel, in linear DN summed over all channels. It is 0 where no camera pixel sees the projector pixel.
     let mut photo = |lit: &dyn Fn(usize, usize) -> bool| -> Result<Vec<f64>> {
         let light = sum(&mut session, &model, lit)?;
         let row = |pixel: usize| map.row(pixel).map(|(camera, weight)| weight * light[camera]).sum();
@@ -103,7 +104,8 @@ mod tests {
         }
     }
 
-    /// The camera sees one pixel to the right of its map and half a pixel above it. It has an offset and a curved response.
+    /// The camera sees points that lie one pixel to the right of the map's points and half a pixel above them. The camera has an offset and
+    /// a curved response.
     #[test]
     fn a_map_that_is_off_by_a_shift_is_found_through_black_and_response() {
         use crate::measure::CaptureRequest;
@@ -119,7 +121,7 @@ mod tests {
             let at = |x: usize, y: usize| f64::from(levels[y.min(47) * 64 + x.min(63)]) / 255.0;
             let light = |pixel: usize| {
                 let (x, y) = (pixel % 64, pixel / 64);
-                // The mean of two rows is a shift by half a pixel.
+                // The mean of two rows amounts to a shift by half a pixel.
                 0.5 * (at(x + 1, y) + at(x + 1, y.saturating_sub(1)))
             };
             (0..64 * 48).map(|pixel| count(300.0 + 15_000.0 * light(pixel))).collect()

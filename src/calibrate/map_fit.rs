@@ -245,7 +245,7 @@ mod tests {
         let noise: Vec<[f64; 2]> = (0..truth.camera.pixels()).map(|_| [normal(), normal()]).collect();
         let points = matches(&truth, |at, pixel| [at[0] + noise[pixel][0], at[1] + noise[pixel][1]]);
         let found = fit(&points, truth.camera, truth.projector, sigma).expect("they agree");
-        // Distances of up to 4 σ count. Nearly all points are within this distance.
+        // Points within 4 σ of the map are inliers. Nearly all points are within this distance.
         assert!((found.rms / (sigma * 2.0_f64.sqrt()) - 1.0).abs() < 0.02, "{}", found.rms);
         assert!(found.outliers < 0.002, "{}", found.outliers);
         // If distances have the density d exp(−d²/2), Tukey's weights with a limit of 3 σ have the mean 1 − 4/9 + 8/81 − … = 0.63.
@@ -254,10 +254,9 @@ mod tests {
             .map(|d| 0.001 * d * (-0.5 * d * d).exp() * weight(d, 3.0))
             .sum();
         let expected = sigma * (10.0 / truth.camera.pixels() as f64 / mean).sqrt();
-        // The relative standard error of the scatter is 1/√10800. The median, which scales the weights, has a relative error of two
-        // percent.
+        // The relative standard error of `rms` is 1/√10800. The median, which scales the weights, has a relative error of two percent.
         assert!((found.error / expected - 1.0).abs() < 0.05, "{} against {expected}", found.error);
-        // The chi-square of ten parameters has a relative scatter of √(2/10), and the test draws it once.
+        // The chi-square of ten parameters has a relative standard deviation of √(2/10), and the test draws only one sample of it.
         assert!((0.4..1.6).contains(&(off(&found.map, &truth) / expected)));
     }
 

@@ -2,7 +2,7 @@
 //!
 //! | measured | from | file |
 //! |---|---|---|
-//! | latency | white after black, after growing waits | `session` |
+//! | latency | white after black, photographed after different waits | `session` |
 //! | exposure, saturation | white | `exposure` |
 //! | the camera's response, black level | an exposure series of white and black | `response` |
 //! | gain, read noise | pairs of equal frames | `camera` |

@@ -1,4 +1,5 @@
-//! The measurement of the pixel map: from Gray codes or a checkerboard to footprints (O'Toole and Kutulakos, section 8.1).
+//! The measurement of the pixel map. Gray codes or a checkerboard give the lens map, which gives the footprints of camera pixels (O'Toole
+//! and Kutulakos, section 8.1).
 
 use super::least_squares::Normal;
 use super::map_fit;
@@ -195,8 +196,8 @@ fn saddle(contrast: &[f64], lit: &[bool], map: &LensMap, near: [f64; 2], reach: 
                 let pixel = row * map.camera.width + column;
                 if lit[pixel] {
                     count += 1;
-                    // The weight falls smoothly to 0 at the border, so that no pixel enters or leaves the window abruptly as the window
-                    // moves.
+                    // The weight falls smoothly to 0 at the border of the window, so that pixels do not enter or leave abruptly as the
+                    // window moves.
                     let weight = (1.0 - distance * distance).powi(2);
                     normal.add_full(&[1.0, x, y, x * x, x * y, y * y], contrast[pixel], weight);
                 }
@@ -288,7 +289,7 @@ mod tests {
             [([20.3, 14.6], [19.0, 16.0]), ([4.6, 4.9], [5.5, 4.7]), ([35.4, 25.3], [35.0, 25.0])]
         {
             let at = found(&board(place), &lit, near).expect("it is there");
-            // The contrast is exactly the fitted kind of polynomial.
+            // The contrast is a quadratic polynomial, like the fit, so only rounding errors remain.
             assert!((at[0] - place[0]).hypot(at[1] - place[1]) < 1e-9, "{at:?} for {place:?}");
         }
         let centre = board([20.3, 14.6]);

@@ -306,7 +306,7 @@ mod tests {
         assert_eq!([1.0, 1.5, 2.0].map(|x| at(&equal, x)), [0.9; 3]);
     }
 
-    /// The light of four levels, while the lamp fades by a tenth. The brightest level is shown first.
+    /// Four levels are shown while the lamp fades by a tenth, the brightest level first.
     #[test]
     fn the_drift_of_white_is_divided_out_and_the_brightest_level_is_one() {
         let whites = vec![(0.0, 1.0), (4.0, 0.9)];

@@ -69,11 +69,13 @@ pub struct ProjectorFigures {
 pub struct MapFigures {
     /// The source of the map: `gray-code` or `checkerboard`.
     pub by: MapBy,
-    /// The map of homography and lens. It is `None` when no map fits, so that each camera pixel is decoded separately.
+    /// The lens map: a homography and the distortion of the lens. It is `None` when no map fits, so that each camera pixel is decoded
+    /// separately.
     pub lens: Option<LensMap>,
     /// The number of points to which the map was fitted.
     pub points: usize,
-    /// The root mean square distance of these points from the map, in projector pixels. It is at least 0.41 with Gray codes (whole pixels).
+    /// The root mean square distance of these points from the map, in projector pixels. With Gray codes, it is at least 0.41, because codes
+    /// are whole pixels.
     pub rms: f64,
     /// The standard error of the map, root mean square over the field, in projector pixels.
     pub error: f64,

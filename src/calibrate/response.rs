@@ -141,7 +141,7 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let share = (count - knots[at]) / (knots[at + 1] - knots[at]);
         (at, share)
     };
-    // The slope of the curve converts errors of counts to errors of light. The slope of the fit itself would be unstable: a small slope
+    // The slope of a power law converts errors of counts to errors of light. The slope of the fitted curve would be unstable: a small slope
     // gives a large weight, which makes the slope still smaller.
     let steep = exponent(points, dark, limit - dark).recip();
     let slope = |count: f64| {
@@ -202,7 +202,7 @@ mod tests {
         0.1 + 0.9 * ((sample * 7) % 24) as f64 / 23.0
     }
 
-    /// Fits the response of a camera with the response `count` to twelve exposures of white and of black.
+    /// Fits the response to twelve exposures of white and of black by a camera whose true response is `count`.
     fn measured(count: impl Fn(f64) -> f64) -> FittedResponse {
         let exposures: Vec<f64> = (0..12).map(|k| 2.0_f64.powf(-0.5 * f64::from(k))).collect();
         let white = |exposure: f64| frame(exposure, |sample| count(light(sample) * exposure));
@@ -231,7 +231,7 @@ mod tests {
         for share in [0.02, 0.05, 0.1, 0.2, 0.4, 0.7] {
             let count = 1000.0 + 60_000.0 * f64::powf(share, 0.6);
             let off = curve[count.round() as usize] / (60_000.0 * share) - 1.0;
-            // The curve has straight pieces between 33 knots. The errors of neighbouring knots are correlated.
+            // The tolerance covers the straight pieces between 33 knots, and the correlated errors of neighbouring knots.
             assert!(off.abs() < 0.01, "{share}: {off}");
         }
         // The inverse begins flat and is not extrapolated. Black is the count of the darkest frames.
@@ -242,7 +242,8 @@ mod tests {
     fn a_curve_that_begins_steep_is_extrapolated_to_black() {
         let found = measured(|light| 1000.0 + 60_000.0 * light.powf(2.5));
         let curve = found.curve.expect("it is no line");
-        // The first straight pieces have an error of a fifth of the light, and black has an error of a thousandth of the range.
+        // The first straight pieces of the curve have an error of a fifth of the light, and black has an error of a thousandth of the
+        // range.
         for share in [0.5, 0.7] {
             let count = 1000.0 + 60_000.0 * f64::powf(share, 2.5);
             let off = curve[count.round() as usize] / (60_000.0 * share) - 1.0;

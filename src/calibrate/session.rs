@@ -203,8 +203,9 @@ impl CameraModel {
     }
 }
 
-// The latency of the projector is the time from the confirmation of a frame until only this frame's light, and all of it, is there. White
-// is shown after black and photographed after different waits. While the exposure still includes black, the photo has less light.
+// The latency of the projector is the time from the confirmation of a frame until the projector emits all of this frame's light and no
+// light of the previous frame. White is shown after black and photographed after different waits. While the exposure still includes black,
+// the photo has less light.
 
 /// The shortest wait above zero that is tried, in seconds.
 const SHORTEST: f64 = 1e-3;
@@ -238,7 +239,7 @@ pub(crate) fn latency(session: &mut CalibrationSession<'_>, exposure: f64) -> Re
     let full = fulls.iter().sum::<f64>() / 4.0;
     let spread = (fulls.iter().map(|value| (value - full).powi(2)).sum::<f64>() / 3.0).sqrt();
     let light = (full - dark).max(f64::MIN_POSITIVE);
-    // The spread of four values is uncertain, and drift and flicker may change the light by a thousandth.
+    // The tolerance is wide, because the spread of four values is uncertain, and drift and flicker may change the light by a thousandth.
     let tolerance = (5.0 * spread / light).max(2e-3);
     let mut sweep = Vec::new();
     let missing =
@@ -293,8 +294,8 @@ mod tests {
 
     const EXPOSURE: f64 = 0.02;
 
-    /// Measures the latency of a rig whose white has 50,000 counts above 100. The function `share` gives the fraction of this light after a
-    /// wait in seconds, for the white photo of this number. Also returns the wait at the end.
+    /// Measures the latency of a rig whose white has 50,000 counts above 100. `share` gives the fraction of this light in a white photo,
+    /// from the wait in seconds and the number of the photo. Also returns the wait that is set at the end.
     fn found(share: impl Fn(f64, usize) -> f64 + Send) -> (Latency, f64) {
         let mut whites = 0;
         let photo = move |request: &CaptureRequest, wait: f64| {

@@ -22,7 +22,7 @@ use crate::image::{Resolution, percentile};
 use crate::measure::footprint::{area, corners, overlapped};
 use crate::measure::lens_map::{LensMap, PARAMETERS, centre, evaluate, half_diagonal, normalized};
 
-/// The approximate number of camera pixels that are used. If the camera has more, they are drawn at random.
+/// The approximate number of camera pixels that are used. If more camera pixels are usable, pixels are drawn at random.
 const MOST: f64 = 40_000.0;
 
 const STEPS: usize = 20;
@@ -158,8 +158,8 @@ fn limit(equations: &[EdgePixel]) -> f64 {
     LIMIT * percentile(equations.iter().map(EdgePixel::misfit), 0.5).max(f64::MIN_POSITIVE)
 }
 
-/// The standard error of the map, in projector pixels: the root mean square over the camera pixels. Interreflections mislead all camera
-/// pixels along an edge alike. Residuals are therefore summed per projector row and column before they are squared (cluster-robust
+/// The standard error of the map, in projector pixels: the root mean square over the camera pixels. Interreflections cause the same error
+/// in all camera pixels along an edge. Residuals are therefore summed per projector row and column before they are squared (cluster-robust
 /// covariance).
 fn field_error(map: &LensMap, equations: &[EdgePixel], pixels: &[usize]) -> Result<f64> {
     let limit = limit(equations);
@@ -297,7 +297,8 @@ mod tests {
                 }
             }
         }
-        // The derivative is a difference over 0.02 pixels. Within this distance, an edge may enter or leave the footprint.
+        // The derivative is a difference over 0.02 pixels. Within this distance, an edge may enter or leave the footprint, so a fifth of
+        // the slopes may disagree.
         assert!(compared > 1000 && agree * 5 > compared * 4, "{agree} of {compared}");
     }
 

@@ -117,7 +117,7 @@ impl<'a> StructuredLight<'a> {
 
 // Gray codes show which projector pixel each camera pixel sees (O'Toole and Kutulakos, section 8.1).
 //
-// The numbers of columns and rows are projected bit by bit in Gray code, each bit together with its inverse. A camera pixel decodes a bit
+// The indices of columns and rows are projected bit by bit in Gray code, each bit together with its inverse. A camera pixel decodes a bit
 // by comparing the two photos. Global light is nearly the same in both photos, because it does not resolve fine stripes. A bit is decided
 // only if the difference of the two photos is a sufficient fraction of the direct light, which the finest stripes measure (Xu and Aliaga
 // 2007). A camera pixel with an undecided bit is left out.

@@ -16,12 +16,12 @@ pub struct Calibration {
     pub projector_info: ProjectorInfo,
     /// The camera that was calibrated.
     pub camera_info: CameraInfo,
-    /// The projector's response: the light of each level relative to the brightest level. The light of level 0 is subtracted from both.
+    /// The projector's response: the light of each level as a fraction of the brightest level's light, both without the light of level 0.
     /// Each channel has one ascending curve of `2^bits` values from 0 to 1.
     pub projector: Vec<Vec<f64>>,
     /// The camera's response and noise.
     pub camera: CameraResponse,
-    /// Which camera pixels see which projector pixel.
+    /// The pixel map, which gives the camera pixels that see each projector pixel.
     pub registration: Registration,
     /// The uneven brightness of projector and camera. It is `None` when it was not measured.
     pub flat_field: Option<FlatField>,
@@ -44,9 +44,9 @@ pub struct CameraResponse {
     pub curve: Option<Vec<f64>>,
 }
 
-/// The pixel map: the camera pixels that see each projector pixel, in compressed sparse rows. There is one row per projector pixel. The
-/// weights keep the photo of an evenly lit raster even. Away from the raster's border, the weights of a row add up to 1. Unseen projector
-/// pixels have empty rows.
+/// The pixel map: the camera pixels that see each projector pixel, in compressed sparse rows. There is one row per projector pixel. With
+/// these weights, the photo of an evenly lit raster is even. Away from the raster's border, the weights of a row add up to 1. Unseen
+/// projector pixels have empty rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Registration {
     /// The camera's pixels.
@@ -110,7 +110,8 @@ impl Registration {
             return by_overlap(&LensMap::of_same_field(camera, projector), &vec![true; camera.pixels()]);
         }
         let span = |index: usize, of: usize, among: usize| -> std::ops::Range<usize> {
-            // The pixels k of a raster of `among` pixels whose centres k + ½ lie in [index, index + 1) of a raster of `of` pixels.
+            // One side of the field has `of` pixels in one raster and `among` pixels in the other. The span holds the pixels of the other
+            // raster whose centres lie in pixel `index` of the first.
             let edge = |index: usize| ((2 * index * among).saturating_sub(of)).div_ceil(2 * of);
             let (from, to) = (edge(index), edge(index + 1));
             if from < to {
@@ -134,8 +135,8 @@ impl Registration {
 // The flat-field stage: the uneven brightness of projector and camera, above all their vignetting.
 //
 // A pattern `x` leaves the projector as `p ∘ x`, and light `y` is photographed as `c ∘ y`, with smooth factors `p` and `c` on the
-// projector's pixels. With the light transport `A`, the rig's matrix is `diag(c) A diag(p)`, which is not symmetric. Patterns are divided
-// by `p`, photos by `c`.
+// projector's pixels. With the light transport `A`, the rig's matrix is `diag(c) A diag(p)`, which is not symmetric. The stage divides
+// patterns by `p` and photos by `c`.
 
 /// The relative brightness of the projector and of the camera at each of the projector's pixels.
 #[derive(Clone, Debug, PartialEq)]
@@ -147,8 +148,8 @@ pub struct FlatField {
 }
 
 impl FlatField {
-    /// The flat field of a rig from the factor `ratio`, which is `p / c`. The symmetry of `A` gives this factor, which is attributed to the
-    /// camera alone. An uneven brightness that both devices share stays in the photos and leaves the matrix symmetric.
+    /// The flat field of a rig from `ratio = p / c`, which follows from the symmetry of `A`. The ratio is attributed to the camera alone,
+    /// so `p` is 1. An uneven brightness that both devices share remains in the photos, and leaves the matrix symmetric.
     pub fn of_ratio(ratio: &[f64]) -> Result<Self> {
         let camera = ratio.iter().map(|ratio| 1.0 / ratio).collect();
         Self { projector: vec![1.0; ratio.len()], camera }.normalized()
@@ -196,7 +197,7 @@ impl FlatField {
         x.iter().zip(&self.projector).map(|(x, factor)| x / factor).collect()
     }
 
-    /// The vector `x` that a shown pattern represents.
+    /// The vector that a shown pattern represents: the pattern times the projector's brightness.
     pub(crate) fn shown(&self, pattern: &[f64]) -> Vec<f64> {
         pattern.iter().zip(&self.projector).map(|(x, factor)| x * factor).collect()
     }
@@ -250,7 +251,8 @@ mod tests {
                         .map(|entry| entry.1.abs())
                         .sum()
                 };
-                // Some camera pixel lies almost inside each projector pixel. A mean would have 0.1 to 0.3 of the neighbours' light.
+                // Each projector pixel contains at least one camera pixel almost entirely. With a plain mean over the overlapping camera
+                // pixels, 0.1 to 0.3 of the light would be the neighbours' light.
                 assert!(of(true) > 0.97 && of(false) < 0.05, "{width}x{height} {pixel}: {row:?}");
             }
         }

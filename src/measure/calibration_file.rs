@@ -69,8 +69,8 @@ struct Response {
 }
 
 impl Calibration {
-    /// Writes the calibration into `folder`, created if necessary. `calibration.toml` is written last, so a folder with this file is
-    /// complete.
+    /// Writes the calibration into `folder`, and creates the folder if necessary. `calibration.toml` is written last, so a folder with this
+    /// file is complete.
     ///
     /// # Errors
     /// [`Error::Write`] with the name of the file.
@@ -288,7 +288,7 @@ fn flat_field(folder: &Path, projector: Resolution) -> Result<FlatField> {
     Ok(flat)
 }
 
-/// Reads `channels` curves of `2^bits` ascending values. `None`: the array is a single curve, without a dimension for channels.
+/// Reads `channels` curves of `2^bits` ascending values. With `None`, the array is a single curve and has no dimension for channels.
 fn curves(folder: &Path, name: &str, channels: Option<usize>, bits: u32, of: &str) -> Result<Vec<Vec<f64>>> {
     let length = 1_usize.checked_shl(bits).unwrap_or(0);
     let shape: Vec<usize> = channels.into_iter().chain([length]).collect();

@@ -35,18 +35,19 @@ const WIDEST: f64 = 2.0;
 /// The narrowest blur that is considered. Below this value, a sampled Gaussian is a single pixel.
 const NARROWEST: f64 = 0.25;
 
-/// Entries of the matrix below this share of the largest entry in their row are left out.
+/// Entries of the matrix below this fraction of the largest entry in their row are left out.
 const SMALLEST: f64 = 1e-6;
 
-/// The number of standard deviations of the blur that are tried before the best deviation is refined.
+/// The number of blur widths that are tried before the best width is refined.
 const TRIED: usize = 8;
 
-/// The number of refinement steps. Each step narrows the interval to 0.62 of its length, to 0.0002 pixels in the end. At a blur of 0.6
-/// pixels, codes keep half of their contrast. A blur that is off by 0.005 then makes the direct light 1 % wrong, which is several per cent
-/// of the global light.
+/// The number of refinement steps. Each step narrows the interval of blur widths to 0.62 of its length. The last interval is 0.0002 pixels
+/// long. The blur must be this precise: with a blur of 0.6 pixels, codes keep half of their contrast, and an error of 0.005 in the blur
+/// makes the direct light 1 % wrong, which is several per cent of the global light.
 const REFINED: usize = 16;
 
-/// The numbers of conjugate gradient steps: while the blur is chosen, and in the final fit. Few steps suffice because the spread is narrow.
+/// The numbers of conjugate gradient steps: first while the blur is chosen, then in the final fit. Few steps suffice because the spread is
+/// narrow.
 const STEPS: [usize; 2] = [4, 12];
 
 /// Direct light: `y = S (d ∘ K x)` for each of the camera's channels.
@@ -216,13 +217,14 @@ pub(crate) enum DirectPatterns {
 }
 
 impl DirectPatterns {
-    /// The patterns that suit a pixel map. Without a lens map, they are squares of four pixels, so that earlier runs can still be queried.
+    /// The patterns that suit a pixel map. Without a lens map, they are squares of four pixels, as in earlier versions, so that runs of
+    /// these versions can still be queried.
     pub(crate) fn of(registration: &Registration) -> Self {
         let finer = registration.camera.pixels() >= RESOLVES * registration.projector.pixels();
         if finer && registration.lens.is_some() { Self::Codes } else { Self::Squares(4) }
     }
 
-    /// Makes the patterns. Each pixel is lit in about half of them. Pixels that are not `lit` stay dark.
+    /// Makes the patterns. About half of the patterns light each pixel for which `lit` is true. All other pixels stay dark.
     pub(crate) fn shown(self, resolution: Resolution, lit: &[bool]) -> Vec<Vec<f64>> {
         let mut shown = match self {
             Self::Codes => code_patterns(resolution, CODES).collect(),
@@ -235,7 +237,8 @@ impl DirectPatterns {
     }
 }
 
-/// A checkerboard with squares of `side` pixels, moved to the left and up by `shift`. The value is 1 where a pixel is lit, 0 elsewhere.
+/// A checkerboard with squares of `side` pixels, moved to the left by `right` pixels and up by `down` pixels. The value is 1 where a pixel
+/// is lit, 0 elsewhere.
 pub fn checkerboard(resolution: Resolution, side: usize, [right, down]: [usize; 2]) -> Vec<f64> {
     let lit = |pixel: usize| {
         let (x, y) = (pixel % resolution.width + right, pixel / resolution.width + down);
@@ -254,9 +257,10 @@ fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
 
 // Codes are patterns in which each pixel is lit in half of the photos, and near pixels have different codes.
 //
-// The code of a pixel is the set of photos in which it is lit, a row of a Hadamard matrix. Two different codes are orthogonal. Light from a
-// pixel with another code therefore cancels exactly in the correlation of the photos with the pixel's code. Pixels with the same code are
-// about `√photos` pixels apart. Every second row has inverted codes, so that even global light from pixels with the same code cancels.
+// The code of a pixel is the set of photos in which the pixel is lit. It is a row of a Hadamard matrix. Two different codes are orthogonal.
+// Light from a pixel with another code therefore cancels exactly in the correlation of the photos with the pixel's code. Pixels with the
+// same code are about `√photos` pixels apart. Every second row has inverted codes, so that even global light from pixels with the same code
+// cancels.
 
 /// The code patterns. `photos` is a power of two of at least 4. Each pattern has `n` values: 1 where a pixel is lit, 0 elsewhere.
 pub fn code_patterns(resolution: Resolution, photos: usize) -> impl Iterator<Item = Vec<f64>> {
@@ -273,8 +277,8 @@ pub fn code_patterns(resolution: Resolution, photos: usize) -> impl Iterator<Ite
     })
 }
 
-/// The difference between the codes of a pixel and of the pixel below it. This difference puts pixels with the same code as far apart as
-/// possible. `codes` is the number of codes, which are numbered along each row of the picture.
+/// The difference between the codes of a pixel and of the pixel below it. The returned difference puts pixels with the same code as far
+/// apart as possible. `codes` is the number of codes, which are numbered along each row of the picture.
 fn step(codes: usize) -> usize {
     let nearest = |step: usize| {
         let below = |y: usize| {
@@ -301,13 +305,14 @@ mod tests {
         for truth in [NARROWEST, NARROWEST + 0.013, 0.37, 0.61, 0.5 * (NARROWEST + WIDEST), WIDEST] {
             let found =
                 least(&|deviation| 0.5 + (deviation - truth).powi(2) + 0.1 * (deviation - truth).abs());
-            // Each step leaves 0.618 of the bracket. The first bracket spans two of the steps between the tried deviations.
+            // Each refinement leaves 0.618 of the bracket. The first bracket is twice as long as the distance between tried deviations.
             let bracket = 2.0 * (WIDEST - NARROWEST) / (TRIED - 1) as f64 * 0.619_f64.powi(REFINED as i32);
             assert!((found - truth).abs() < 0.51 * bracket, "{found} {truth}");
         }
     }
 
-    /// The photo of direct light equals the product with the matrix rows: with a blur, with the spread of a coarse camera, and with both.
+    /// The photo of direct light equals the product of the matrix rows with the pattern: with a blur, with the spread of a coarse camera,
+    /// and with both.
     #[test]
     fn the_photo_of_direct_light_is_the_product_with_its_rows() {
         let size = Resolution::new(12, 10);
@@ -331,7 +336,7 @@ mod tests {
                     let row = direct.row(0, pixel);
                     assert!(row.is_sorted_by(|a, b| a.0 < b.0));
                     let product: f64 = row.iter().map(|&(at, weight)| weight * pattern[at as usize]).sum();
-                    // Weights below a share of the largest weight are left out.
+                    // A row omits at most 120 weights, each below `SMALLEST` times its largest weight.
                     let most = row.iter().fold(0.0, |most: f64, entry| most.max(entry.1.abs()));
                     assert!((product - seen).abs() <= 120.0 * SMALLEST * most, "{pixel}: {product} {seen}");
                 }
@@ -373,7 +378,8 @@ mod tests {
             let patterns = DirectPatterns::Squares(side).shown(resolution, &[true; 63]);
             for pixel in 0..63 {
                 let light: f64 = patterns.iter().map(|pattern| pattern[pixel]).sum();
-                // When the step does not divide the side of a square, a pixel may be lit in more or fewer than half of the patterns.
+                // When the step of the shifts does not divide the side of a square, more or fewer than half of the patterns may light a
+                // pixel.
                 assert!((2.0 * light - patterns.len() as f64).abs() <= 2.0 * side as f64, "{side} {pixel}");
                 assert!(light > 0.0 && light < patterns.len() as f64);
             }
@@ -385,7 +391,7 @@ mod tests {
         let resolution = Resolution::new(24, 24);
         let blur = Blur::new(resolution, 0.6).expect("a blur");
         let inside = |pixel: &usize| (4..20).contains(&(pixel % 24)) && (4..20).contains(&(pixel / 24));
-        // The largest part of a blurred pattern, minus its mean, that is not a multiple of the pattern.
+        // The largest fraction of a blurred pattern's variance that a multiple of the sharp pattern does not explain.
         let reshaped = |patterns: DirectPatterns| {
             let of = |pattern: &Vec<f64>| {
                 let blurred = blur.apply(pattern);
@@ -413,7 +419,7 @@ mod tests {
             let same = offsets
                 .filter(|&[x, y]| [x, y] != [0, 0] && (x + step as i64 * y).rem_euclid(codes as i64) == 0);
             let nearest = same.map(|[x, y]| x * x + y * y).min().unwrap_or(0);
-            // A square lattice with one point in `codes` pixels has its nearest points at distance `√codes`.
+            // In a square lattice with one point per `codes` pixels, the nearest points are `√codes` apart.
             assert!(nearest as f64 >= 0.7 * codes as f64, "{codes}: {nearest}");
         }
     }

@@ -1,11 +1,11 @@
-//! The least-squares fit of one channel's direct light to the photos of shifted patterns.
+//! The least-squares fit of one channel's direct light to the photos of patterns.
 
 use super::photos::Plane;
 use super::spread::PixelSpread;
 use crate::image::{Blur, Resolution};
 
 /// A residual shows an error of the model when its square is this many times the square of the noise. For pure noise, the mean of this
-/// ratio over neighbours scatters by 0.16, because each of some twelve pixels has six degrees of freedom.
+/// ratio over neighbours has a standard deviation of 0.16, because it averages about twelve pixels with six degrees of freedom each.
 const CLEARLY: f64 = 1.6;
 
 /// The fit of `d` that minimises `Σ_m ‖y_m − S (d ∘ u_m)‖²` for patterns `u_m` and photos `y_m`. The means over the patterns are subtracted
@@ -21,7 +21,8 @@ pub(crate) struct DirectFit<'a> {
 }
 
 impl<'a> DirectFit<'a> {
-    /// Fits `d` without the spread `S`. The fit is exact when there is no spread. The mean is subtracted from `photos`, not from `shown`.
+    /// Fits `d` without the spread `S`. The fit is exact when there is no spread. The caller has subtracted the mean from `photos`, but not
+    /// from `shown`.
     ///
     /// Pixels that are not `lit` by any pattern have no direct light. A blur gives such a pixel a trace of its neighbours' light, and the
     /// camera pixels at a silhouette may see a trace of such a pixel. A fit to these traces would explain every error of the photos there
@@ -139,7 +140,7 @@ impl<'a> DirectFit<'a> {
     }
 }
 
-/// Returns `a / b`, or 0 when `b` is 0, because a pixel whose light never changes determines nothing.
+/// Returns `a / b`, or 0 when `b` is 0: then a pixel's light never changes, and the photos do not determine its direct light.
 fn ratio(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }
@@ -159,13 +160,13 @@ pub(crate) fn without_mean(mut planes: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
 // Light that a pixel sends to its neighbours by way of other surfaces looks like a blur, but only near edges and creases. A blur that is a
 // little too wide makes the direct light of all pixels a little too bright, and an average over pixels does not remove this error. The
 // error of the blur is estimated from the disagreement between parts of the picture. Let `R_b(t)` be the sum of the squared residuals in
-// part `b` if an additional share `t` of each pixel's light goes to its neighbours. The error is `√Σ_b R_b'²` over the curvature of
-// `Σ_b R_b` (a cluster-robust standard error).
+// part `b` if an additional share `t` of each pixel's light goes to its neighbours. With derivatives in `t`, the error is `√Σ_b R_b'²`
+// divided by `Σ_b R_b''` (a cluster-robust standard error).
 
 /// The step in the share `t` for the finite differences of the squared residuals.
 const SHARE_STEP: f64 = 0.002;
 
-/// The side of a part of the picture, in pixels. Light by way of other surfaces is alike over several pixels.
+/// The side of a part of the picture, in pixels. Light that arrives by way of other surfaces changes little over several pixels.
 const PART: usize = 8;
 
 /// The standard error of the blur, and the dependence of direct light on the blur.
@@ -264,14 +265,14 @@ mod tests {
     fn without_a_spread_the_fit_is_exact_at_once() {
         let resolution = Resolution::new(6, 5);
         let mut shown = DirectPatterns::Squares(2).shown(resolution, &[true; 30]);
-        // A pixel that is never lit determines nothing about its light.
+        // The photos do not determine the direct light of a pixel that is never lit.
         shown.iter_mut().for_each(|pattern| pattern[4] = 0.0);
         let direct = uneven(30);
         let photos = photos(&direct, &shown, None);
         let mut fit = DirectFit::new(&shown, &[true; 30], None, None, &photos);
         fit.improve(5);
         assert!(fit.residual() < 1e-25);
-        // The fit is linear in the photos, with these factors.
+        // The fit is linear in the photos. `slope` gives the factors.
         for pixel in 0..30 {
             let sum: f64 =
                 photos.iter().enumerate().map(|(m, photo)| fit.slope(pixel, m) * photo[pixel]).sum();
@@ -329,8 +330,9 @@ mod tests {
         }
     }
 
-    /// At a silhouette, the camera sees a trace of a pixel that is never lit, and the projector's blur sends a trace of light there. Errors
-    /// of the photos, such as a map that is off by 0.01 pixels, must not become direct light there or spoil the neighbours.
+    /// At a silhouette, the camera sees a trace of a pixel that is never lit, and the projector's blur sends a trace of light to this
+    /// pixel. Errors of the photos, for example due to a map that is off by 0.01 pixels, must not become direct light of this pixel or
+    /// spoil its neighbours.
     #[test]
     fn pixels_that_are_never_lit_explain_nothing() {
         let resolution = Resolution::new(12, 10);
@@ -410,7 +412,8 @@ mod tests {
         assert!((wide[7] - (0.7 * pattern[7] + 0.3 * 0.25 * near)).abs() < 1e-14);
     }
 
-    /// The squared residuals of each part are least at a different share. Their sum is least at the mean of the two shares, 0.
+    /// The squared residuals of the two parts are least at opposite shares. The sum over both parts is least at the mean of these shares,
+    /// 0.
     #[test]
     fn parts_that_disagree_make_the_error_of_their_mean() {
         let size = Resolution::new(2 * PART, PART);

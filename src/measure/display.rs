@@ -116,7 +116,7 @@ impl PatternDisplay {
         Ok(Displayed { frame, light })
     }
 
-    /// Random dither: each pixel shows the level below or above, with probabilities whose mean is the target.
+    /// Random dither: each pixel shows the level below or above its target, with probabilities for which the mean light is the target.
     fn random(&self, curve: &ProjectorCurve, plane: &[f64]) -> Vec<u16> {
         let one = |(&light, &threshold): (&f64, &f64)| {
             let below = curve.below(light);
@@ -172,9 +172,9 @@ impl Displayed {
 // The bit-plane stage: a weighted sum of frames shows more levels than the projector has (O'Toole and Kutulakos, section 7.2).
 //
 // Each frame shows the quantization error of the frames before it. Let `δ` be the widest step between levels. The first of `K` frames has
-// weight `w = 1/(1+δ)` and shows the level below `x / w` for the pattern `x`. The remainder is at most `w δ` at every pixel, so the next
-// frame shows it as a pattern of that range. The last frame shows the nearest level. For a projector of one bit, the frames are binary
-// digits with weights ½, ¼, …. Each frame reduces the error by the factor `δ/(1+δ)`.
+// weight `w = 1/(1+δ)` and shows the level below `x / w` for the pattern `x`. The remainder is at most `w δ` at every pixel. The next frame
+// shows the remainder in the same way, as a pattern with the range `w δ`. The last frame shows the nearest level. For a projector of one
+// bit, the frames are binary digits with weights ½, ¼, …. Each frame reduces the error by the factor `δ/(1+δ)`.
 //
 // The result has the noise of `Σ w_k photo_k`. Each photo has the full read noise of the camera, independent of its weight. With `K`
 // exposures of `t/K` seconds instead of one exposure of `t` seconds, the standard deviation due to read noise grows by the factor
@@ -194,7 +194,7 @@ pub fn bit_plane_weights(count: u32, step: f64) -> Vec<f64> {
     bit_plane_weights
 }
 
-/// The factor by which the standard deviation grows when frames of these weights replace one photo, at equal total exposure, with read
+/// The factor by which the standard deviation grows when frames of these weights replace one photo, at equal total exposure and with read
 /// noise alone.
 pub fn bit_plane_amplification(bit_plane_weights: &[f64]) -> f64 {
     bit_plane_weights.len() as f64
@@ -253,8 +253,9 @@ mod tests {
         display.show(&[target.to_vec()], part).expect("as many values as pixels").frame.levels().to_vec()
     }
 
-    /// A pixel of light 0.4 is shown dark, and its error of 0.4 is passed on. All other pixels except one are far below 0, where level 0
-    /// has no error. The exception turns bright as soon as it gets its Floyd–Steinberg share.
+    /// One pixel of light 0.4 is shown dark, and its error of 0.4 is passed on. A second pixel turns bright as soon as it gets its
+    /// Floyd–Steinberg share of this error. The targets of all other pixels are far below 0. Such pixels are shown dark and pass on no
+    /// error.
     #[test]
     fn diffusion_gives_sixteenths_of_an_error_to_four_neighbours_in_the_direction_of_the_row() {
         let display = display(5, 3, &[0.0, 1.0], DitherBy::Diffusion);
@@ -298,7 +299,7 @@ mod tests {
             let shown = levels(&display, &vec![target; 4096], Part::Full);
             assert!(shown.iter().all(|&level| level == below || level == below + 1), "{target}");
             let above = shown.iter().filter(|&&level| level == below + 1).count() as f64 / 4096.0;
-            // The bound is five standard deviations of a share of 4096 pixels.
+            // The bound is five standard deviations of a fraction that is observed in 4096 pixels.
             let deviation = (share * (1.0 - share) / 4096.0_f64).sqrt();
             assert!((above - share).abs() < 5.0 * deviation, "{target}: {above} against {share}");
         }

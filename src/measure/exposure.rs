@@ -11,7 +11,7 @@ use super::response::CameraCurve;
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 
-/// The brightest pixel of the white photo, as a share of saturation. No pattern is brighter than white. The remaining range up to
+/// The brightest pixel of the white photo, as a fraction of saturation. No pattern is brighter than white. The remaining range up to
 /// saturation is for noise, for a lamp that becomes brighter, and for the light of the black photo.
 const TARGET: f64 = 0.8;
 
@@ -21,10 +21,11 @@ const DOWN: f64 = 1.0 / 8.0;
 /// The largest factor from the exposure of a test photo that is too dark to the next exposure.
 const UP: f64 = 64.0;
 
-/// A test photo is too dark to predict the exposure when its brightest pixel is below this share of saturation.
+/// A test photo is too dark to predict the exposure when its brightest pixel is below this fraction of saturation.
 const DARK: f64 = 0.05;
 
-/// The factor from one exposure of a bracket to the next. A pixel that falls between two exposures loses at most this factor of light.
+/// The factor from one exposure of a bracket to the next. If the best exposure of a pixel lies between two exposures, the pixel gets at
+/// most this factor less light.
 const BRACKET: f64 = 4.0;
 
 /// The darkest pixel is well exposed when it is this many standard deviations above black.
@@ -117,8 +118,8 @@ mod tests {
     use crate::measure::calibration::CameraResponse;
     use crate::measure::simulated::Simulated;
 
-    /// A scene of samples with this light, in counts per second. The camera's counts go from 10 in the dark to 1000 at saturation. The
-    /// largest exposure that is chosen for light `L` is 0.8 · 990 / L seconds.
+    /// A scene whose samples have this light, in counts per second. The camera's counts go from 10 in the dark to 1000 at saturation. The
+    /// exposure that brings light `L` to 0.8 of the range is 0.8 · 990 / L seconds.
     struct Scene {
         light: Vec<f64>,
         channels: usize,
@@ -171,7 +172,8 @@ mod tests {
 
     #[test]
     fn the_brightest_pixel_comes_to_four_fifths_of_saturation() {
-        // The search begins at the geometric mean of the range. A photo with 3 % of the range is too dark. The next photo has 80 %.
+        // The search begins at the geometric mean of the range. This photo has 3 % of the range, which is too dark. The next photo has 80
+        // %.
         let (chosen, asked) = Scene::of(&[100.0, 25.0]).choose(1);
         assert!(
             near(&chosen.expect("there is light"), &[7.92]) && near(&asked, &[0.1_f64.sqrt(), 7.92]),
@@ -211,7 +213,7 @@ mod tests {
     fn exposures_are_whole_refreshes_of_the_projector_or_else_parts_of_one() {
         let refresh = 1.0 / 60.0;
         let flickering = |light: f64| Scene { frame_time: refresh, ..Scene::of(&[light]) };
-        // 0.264 s are 15.8 refreshes. The first test photo takes one refresh.
+        // 0.264 s would be 15.8 refreshes, so 15 refreshes are chosen. The first test photo takes one refresh.
         let (chosen, asked) = flickering(3000.0).choose(1);
         assert!((chosen.expect("there is light")[0] - 15.0 * refresh).abs() < 1e-12);
         assert_eq!(asked, [refresh]);
@@ -241,7 +243,7 @@ mod tests {
         // x counts above black have the variance x + 1 + 1/12, so 20 standard deviations are reached at x = 401.1.
         assert!(near(&brackets(&[100.0, 406.0 / 7.92], 5), &[7.92]));
         assert!(near(&brackets(&[100.0, 395.0 / 7.92], 5), &[7.92, 31.68]));
-        // In the second exposure, a pixel of 25 has 792 counts, and the other pixel is saturated.
+        // In the second exposure, the pixel of 25 counts per second has 792 counts, and the other pixel is saturated.
         assert!(near(&brackets(&[100.0, 25.0], 5), &[7.92, 31.68]));
         let scene = Scene { used: vec![true, true, false], ..Scene::of(&[100.0, 60.0, 0.01]) };
         assert!(near(&scene.choose(5).0.expect("there is light"), &[7.92]));

@@ -7,12 +7,12 @@ use super::lens_map::LensMap;
 use crate::image::Resolution;
 use crate::sparse::{SparseRows, WeightedColumn};
 
-/// A projector pixel is seen when lit camera pixels cover at least this share of its area.
+/// A projector pixel is seen when lit camera pixels cover at least this fraction of its area.
 const COVERED: f64 = 0.25;
 
 /// The pixel map by overlap. Each projector pixel is seen by the camera pixels that overlap it. The weights of these camera pixels keep the
-/// contribution of neighbouring projector pixels low. Only `lit` camera pixels are used. Too little covered projector pixels have empty
-/// rows.
+/// contribution of neighbouring projector pixels low. Only `lit` camera pixels are used. Projector pixels of which too little is covered
+/// have empty rows.
 pub(crate) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
     let (areas, rows) = overlaps(map, lit);
     let shares = shares_of(&areas, &rows);
@@ -24,7 +24,7 @@ pub(crate) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
     Registration { lens: Some(map.clone()), ..Registration::of_rows(map.camera, map.projector, sharp) }
 }
 
-/// The shares of each `lit` camera pixel's area that lie in projector pixels, in one row per camera pixel.
+/// The fractions of each `lit` camera pixel's area that lie in each projector pixel, in one row per camera pixel.
 pub(crate) fn shares(map: &LensMap, lit: &[bool]) -> SparseRows {
     let (areas, rows) = overlaps(map, lit);
     shares_of(&areas, &rows)
@@ -116,8 +116,8 @@ pub(crate) fn area(points: &[[f64; 2]]) -> f64 {
 //
 // A camera pixel that straddles two projector pixels sees the light of both. A mean over all camera pixels that overlap a projector pixel
 // therefore contains light of its neighbours, which looks like global light. Camera pixels inside the projector pixel should count more.
-// With the share `c_jk` of camera pixel `j` that lies in projector pixel `k`, the weights `r_j` of projector pixel `i` minimise, with
-// Kronecker's `δ`,
+// Let `c_jk` be the fraction of camera pixel `j` that lies in projector pixel `k`, and `δ` Kronecker's delta. The weights `r_j` of the
+// camera pixels for projector pixel `i` minimise
 //
 // ```text
 // Σ_k (Σ_j r_j c_jk − δ_ik)²  +  λ Σ_j r_j²        where  Σ_jk r_j c_jk = 1
@@ -134,13 +134,15 @@ const NOISE: f64 = 0.0002;
 /// If at least this many camera pixels overlap a projector pixel, some of them lie inside it.
 const ENOUGH: usize = 9;
 
-/// If fewer camera pixels overlap a projector pixel, the camera pixels of projector pixels up to this distance are also used.
+/// If fewer than [`ENOUGH`] camera pixels overlap a projector pixel, the camera pixels that overlap projector pixels up to this distance
+/// are also used.
 const REACH: usize = 2;
 
-/// The conjugate gradients stop when the norm of the gradient is at most this.
+/// The conjugate gradient iteration stops when the norm of the gradient is at most this value.
 const ACCURACY: f64 = 1e-6;
 
-/// Computes the shares from the `areas` of the camera's pixels and from the areas of their `overlaps`, which are listed by projector pixel.
+/// Divides each area in `overlaps`, which are listed by projector pixel, by the camera pixel's area in `areas`. The result has one row per
+/// camera pixel.
 fn shares_of(areas: &[f64], overlaps: &[Vec<WeightedColumn>]) -> SparseRows {
     let share = |&(camera, area): &WeightedColumn| (camera, area / areas[camera as usize]);
     let shares: Vec<Vec<WeightedColumn>> =
@@ -216,7 +218,7 @@ fn around(pixel: usize, projector: Resolution, overlaps: &[Vec<WeightedColumn>])
         .flat_map(|other| overlaps[other].iter().map(|entry| (entry.0, 0.0)))
         .chain(own.iter().copied())
         .collect();
-    // The overlap of a camera pixel sorts before its zeros, so the overlap is kept.
+    // A camera pixel may occur several times, once with its overlap and otherwise with 0. The overlap comes first, so it is kept.
     row.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
     row.dedup_by_key(|entry| entry.0);
     row
@@ -270,11 +272,12 @@ mod tests {
         };
         for pixel in 0..projector.pixels() {
             let own = spread.apply(&one(pixel))[pixel];
-            // A mean over all overlapping camera pixels would have 0.6 of its own light along each axis, so 0.4 along both.
+            // A mean over all overlapping camera pixels would contain the pixel's own light with a weight of 0.6 along each axis, so 0.4
+            // along both.
             assert!((0.97..1.03).contains(&own), "{own} at {pixel}");
         }
         let even = spread.apply(&vec![1.0; projector.pixels()]);
-        // Shares below 1e-4 are left out. A row has some ten such shares.
+        // A row omits some ten weights below 1e-4, so its sum may be off by about 1e-3.
         assert!(even.iter().all(|light| (light - 1.0).abs() < 2e-3), "{even:?}");
         let noise = found.weights.iter().map(|weight| weight * weight).sum::<f64>() / 96.0;
         assert!(noise < 0.5, "six camera pixels see each, and at least two of them inside: {noise}");

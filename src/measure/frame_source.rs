@@ -14,7 +14,8 @@ pub struct CaptureRequest {
     pub frame: Arc<Frame>,
     /// The exposure to set, in seconds.
     pub exposure: f64,
-    /// The number of the repetition, from 0. It distinguishes repeated photos of the same frame: averaged takes and drift sentinels.
+    /// The number of the repetition, from 0. It distinguishes repeated photos of the same frame: photos that are averaged, and photos of
+    /// white that measure drift.
     pub take: u32,
 }
 
@@ -66,7 +67,7 @@ pub trait FrameSource: Send {
     /// The camera.
     fn camera(&self) -> &CameraInfo;
 
-    /// Takes the requested photo, or returns the earlier photo of an equal request. The frame was exposed with the requested frame on
+    /// Takes the requested photo, or returns the earlier photo of an equal request. The photo was exposed with the requested frame on
     /// screen, and was never returned for another request.
     ///
     /// # Errors
@@ -74,9 +75,9 @@ pub trait FrameSource: Send {
     /// stops.
     fn capture(&mut self, request: &CaptureRequest) -> Result<RawFrame>;
 
-    /// Continues after the last photo of an interrupted session: the frame of `request` is shown again. `frame` was the camera's last
-    /// frame. A journal calls this once, before the first photo that it lacks. A virtual rig that was opened with that frame's
-    /// [`Stamp`](crate::rig::Stamp) then continues as if there had been no interruption.
+    /// Continues after the last photo of an interrupted session: shows the frame of `request` again, whose photo was `frame`. A journal
+    /// calls this once, before the first photo that it lacks. A virtual rig that was opened with the [`Stamp`](crate::rig::Stamp) of
+    /// `frame` then continues as if there had been no interruption.
     fn follow(&mut self, request: &CaptureRequest, frame: &RawFrame) -> Result<()> {
         let _ = (request, frame);
         Ok(())
@@ -187,12 +188,12 @@ pub(crate) mod simulated {
     use super::{CameraInfo, CaptureRequest, Effort, FrameSource, ProjectorInfo, RawFrame, Result};
     use crate::image::Resolution;
 
-    /// A simulated rig. The function `photo` computes the counts of a frame from the request and the waiting time in seconds. The clock advances
-    /// by one for each photo.
+    /// A simulated rig. `photo` computes the counts of a frame from the request and the waiting time in seconds. The clock advances by one
+    /// for each photo.
     pub(crate) struct Simulated<F> {
-        /// A gray projector of 8 bits, without a refresh unless it is set.
+        /// A gray projector of 8 bits. It has no refresh time unless a test sets one.
         pub(crate) projector: ProjectorInfo,
-        /// A gray camera with exposures from 1 ms to 100 s, unless they are set.
+        /// A gray camera. Its exposures go from 1 ms to 100 s unless a test sets others.
         pub(crate) camera: CameraInfo,
         pub(crate) photo: F,
         /// Seconds between the confirmation of a frame and its exposure.

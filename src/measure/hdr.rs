@@ -1,5 +1,5 @@
-//! From repeated frames at several exposures to one photo: averaging, ambient light, and merging (O'Toole and Kutulakos, sections 7.2 and
-//! 8.2).
+//! Combines repeated frames at several exposures into one photo: averaging, ambient light, and merging (O'Toole and Kutulakos, sections 7.2
+//! and 8.2).
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -79,7 +79,7 @@ pub(crate) fn average(
 }
 
 impl AveragedExposure {
-    /// The variance of the mean, in linear DN², where the expected value is `expected`.
+    /// The variance of the mean of a sample whose expected value is `expected`, in linear DN².
     pub(crate) fn variance(&self, curve: &CameraCurve, sample: usize, expected: f64) -> f64 {
         curve.variance(expected, self.rounding[sample]) / f64::from(self.takes)
     }
@@ -118,7 +118,8 @@ pub(crate) struct BlackPhotos {
 /// The expected count must lie this many standard deviations below saturation.
 const HEADROOM: f64 = 4.0;
 
-/// Iterations from weights to merged rate to weights. The second iteration changes the weights by less than a thousandth.
+/// The number of iterations, each of which computes the weights from the merged rate and the merged rate from the weights. The second
+/// iteration changes the weights by less than a thousandth.
 const PASSES: usize = 2;
 
 /// The merged photo of a frame on the camera's pixels: linear DN per second after the black photo is subtracted, as interleaved samples.
@@ -129,9 +130,10 @@ pub(crate) struct RateFrame {
     pub(crate) values: Vec<f64>,
     /// The variances of the rates, without the variance of the black photo, which all photos share.
     pub(crate) variance: Vec<f64>,
-    /// The subtracted share of each exposure's black rate, one plane per exposure. It is `None` for a single exposure, whose share is 1.
+    /// The weights `w_e` with which the black rates `B_e / t_e` were subtracted, one plane per exposure. They are `None` for a single
+    /// exposure, whose weight is 1.
     pub(crate) shares: Option<Vec<Vec<f64>>>,
-    /// The factor of the drift correction. The shares must be multiplied by this factor.
+    /// The factor of the drift correction. `shares` must be multiplied by this factor.
     pub(crate) scale: f64,
 }
 
@@ -298,7 +300,7 @@ mod tests {
         for samples in [[20.0, 60.0], [2.0, 60.0]] {
             let seconds = [1.0, 4.0];
             let (rate, shares) = merged(&[0, 1].map(|e| exposed(seconds[e], samples[e])));
-            // Shot noise and read noise of the expected counts, as variances of the rate.
+            // The inverse variances of the rates, from shot noise and read noise of the expected counts.
             let weights = seconds.map(|t| t * t / (rate * t + 4.0));
             let share = weights[0] / (weights[0] + weights[1]);
             // Two iterations are accurate to a thousandth.

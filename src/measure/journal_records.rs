@@ -176,7 +176,8 @@ pub(crate) fn decode_devices(bytes: &[u8]) -> Option<(ProjectorInfo, CameraInfo)
     ))
 }
 
-/// The sum of the costs of two sessions. Its `seconds` are the larger of the two values, because the clock continues.
+/// The sum of the costs of two sessions. `seconds` is the larger of the two values, because the clock of the first session continues in the
+/// second.
 pub(crate) fn sum(first: &Effort, second: &Effort) -> Effort {
     Effort {
         shown: first.shown + second.shown,

@@ -10,16 +10,16 @@ use crate::error::{Error, Result};
 use crate::journal::{Damage, Journal, Key, Kind};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
-/// Opens the rig. With a stamp, the session continues after the photo of that stamp. A virtual rig then has exactly its state after that
-/// photo.
+/// Opens the rig. With a stamp, the session continues after the photo of that stamp. A virtual rig then has exactly the state that it had
+/// after that photo.
 pub type Opener<'a> = Box<dyn FnMut(Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> + Send + 'a>;
 
 /// A frame source with a journal. A frame that the journal holds is read from the journal. Any other frame is taken by the rig, written to
 /// the journal, and only then returned.
 ///
 /// The rig is opened when the journal lacks a requested photo, so that a finished run can be repeated without the rig. A photo that was
-/// lost to damage is taken again after the stamp of the photo before it. The frames of a virtual rig are a function of their number and
-/// time, so the new photo equals the lost photo bit for bit.
+/// lost to damage is taken again, with the rig in its state after the previous photo. The frames of a virtual rig are a function of their
+/// number and time, so the new photo equals the lost photo bit for bit.
 pub struct JournaledFrames<'a> {
     journal: Journal,
     opener: Option<Opener<'a>>,
@@ -222,8 +222,8 @@ impl FrameSource for JournaledFrames<'_> {
         let (after, before) = self.order.place(key, self.last);
         let (mut frame, mut stamp) = self.take(request, after)?;
         if before.is_some_and(|next| stamp.id >= next) {
-            // The frame number does not fit into the gap, so the photo cannot replace the lost photo. The photo is taken again, after the
-            // last photo.
+            // The new frame number does not fit into the gap, so the new photo cannot replace the lost photo. The photo is taken once more,
+            // after the last photo of the journal.
             (frame, stamp) = self.take(request, self.order.last())?;
         }
         frame.check()?;
@@ -305,8 +305,8 @@ impl CaptureOrder {
         self.photos.values().next_back().map(|(stamp, _)| *stamp)
     }
 
-    /// The place of a missing photo: the stamp of the photo before it, and the upper bound of its frame number. `last` is the photo that
-    /// was returned last.
+    /// The place of a missing photo: the stamp of the photo before it, and an upper bound of the missing photo's frame number. `last` is
+    /// the photo that was returned last.
     ///
     /// A damaged photo with a known stamp keeps its place after the photo before it. If `last` is followed by a gap, the missing photo is
     /// assumed to be the photo that was lost there, because a repeated run asks for its photos in the order in which they were taken. Any

@@ -1,8 +1,8 @@
 //! The map from camera to projector coordinates: radial distortion followed by a homography (O'Toole and Kutulakos, section 8.1).
 //!
-//! The devices of a coaxial rig have the same centre of projection, so a homography relates the two pinholes. Lenses add a distortion that
-//! is mostly radial: `(x, y) → (x, y)(1 + k₁ r² + k₂ r⁴)` about the centre of the camera's raster, with `r = 1` at its corner. Coordinates
-//! are in pixels from the top left corner of the raster, so the centre of pixel `(i, j)` is at `(i + ½, j + ½)`.
+//! The devices of a coaxial rig have the same centre of projection, so a homography relates their images without distortion. Lenses add a
+//! distortion that is mostly radial: `(x, y) → (x, y)(1 + k₁ r² + k₂ r⁴)` about the centre of the camera's raster, with `r = 1` at its
+//! corner. Coordinates are in pixels from the top left corner of the raster, so the centre of pixel `(i, j)` is at `(i + ½, j + ½)`.
 
 use crate::image::Resolution;
 
@@ -138,13 +138,14 @@ mod tests {
 
     const P: [f64; PARAMETERS] = [1.1, 0.2, 0.05, -0.15, 0.9, -0.1, 0.3, -0.25, -0.2, 0.1];
 
-    /// The distortion at (0.6, −0.8), where r = 1, is 0.9. The distorted point is (0.54, −0.72), with a homogeneous coordinate of 1.342.
+    /// The factor of the distortion is 0.9 at (0.6, −0.8), where r = 1. The distorted point is (0.54, −0.72), with a homogeneous coordinate
+    /// of 1.342.
     #[test]
     fn a_point_is_distorted_then_mapped_and_both_as_written_above() {
         let (at, _) = evaluate(&P, [0.6, -0.8]);
         let expected = [(0.594 - 0.144 + 0.05) / 1.342, (-0.081 - 0.648 - 0.1) / 1.342];
         assert!((at[0] - expected[0]).abs() < 1e-15 && (at[1] - expected[1]).abs() < 1e-15, "{at:?}");
-        // The distortion at r² = ¼ is 1 − 0.05 + 0.1 / 16.
+        // The factor of the distortion at r² = ¼ is 1 − 0.05 + 0.1 / 16.
         let (at, _) = evaluate(&P, [0.5, 0.0]);
         let u = 0.5 * (1.0 - 0.05 + 0.006_25);
         assert!((at[0] - (1.1 * u + 0.05) / (0.3 * u + 1.0)).abs() < 1e-15);
@@ -178,7 +179,8 @@ mod tests {
         assert_eq!(denormalized([0.8, -0.6], raster), [8.0, 0.0]);
         let (camera, homography) = (raster, [1.0, 0.0, 0.1, 0.0, 1.0, -0.2, 0.0, 0.0]);
         let map = LensMap { camera, projector: Resolution::new(16, 12), homography, distortion: [0.0; 2] };
-        // The map doubles coordinates, then shifts points by a tenth of ten pixels to the right and by two pixels up.
+        // The map doubles coordinates, then shifts points by one pixel to the right (0.1 of the half diagonal of ten pixels) and by two
+        // pixels up.
         assert_eq!(map.to_projector([4.0, 3.0]), [9.0, 4.0]);
     }
 

@@ -30,7 +30,8 @@ pub struct LiveFrames {
 }
 
 impl LiveFrames {
-    /// Takes frames from `devices`. Exposures begin at least `settle` seconds after a pattern is confirmed. Each frame has `tries` tries.
+    /// Takes frames from `devices`. Exposures begin at least `settle` seconds after a pattern is confirmed. Each frame is tried at most
+    /// `tries` times.
     pub fn new(devices: Devices, settle: f64, tries: u32) -> Self {
         let opened = devices.clock.now();
         Self {
@@ -91,7 +92,8 @@ impl LiveFrames {
         Ok(set)
     }
 
-    /// Takes one frame. Its exposure must not begin before the time `ready`. `None`: the frame was refused, which is counted.
+    /// Takes one frame. Its exposure must not begin before the time `ready`. Returns `None` when the frame was refused, and counts the
+    /// refusal.
     fn take(&mut self, exposure: f64, ready: f64) -> Result<Option<RawFrame>> {
         let before = self.devices.camera.losses().incomplete;
         let captured = self.timed(|times| &mut times.transfer, |devices| devices.camera.capture())?;
@@ -153,8 +155,8 @@ impl LiveFrames {
         Error::rig(self.devices.camera.info().name.clone(), fault).help(help)
     }
 
-    /// The error for a request whose frames were all refused. `before` is the effort before it, and `missing` counts packets that never
-    /// came.
+    /// The error for a request whose frames were all refused. `before` is the effort before this request, and `missing` counts packets that
+    /// never came.
     fn give_up(&self, before: &Effort, missing: u64) -> Error {
         let now = &self.effort;
         let [dropped, incomplete] = [now.dropped - before.dropped, now.incomplete - before.incomplete];
@@ -199,7 +201,7 @@ impl FrameSource for LiveFrames {
         let ready = self.show(&request.frame)?;
         let (before, missing) = (self.effort, self.devices.camera.losses().missing);
         let wait = |devices: &mut Devices| {
-            // A real clock may wake up a little early.
+            // The sleep of a real clock may end a little early.
             while devices.clock.now() < ready {
                 devices.clock.sleep(ready - devices.clock.now());
             }

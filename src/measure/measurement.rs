@@ -47,7 +47,7 @@ impl Measurement {
     ///
     /// # Errors
     /// [`Error::Option`] when an option is out of range; [`Error::Dimension`] or [`Error::Numerical`] when the calibration is invalid or
-    /// for other devices.
+    /// belongs to other devices.
     pub fn new(
         frames: Box<dyn FrameSource>,
         calibration: Calibration,
@@ -111,8 +111,8 @@ impl Measurement {
         self
     }
 
-    /// Declares whether the rig is coaxial. Projector and camera then have the same pose and lens, so that `A = Aᵀ`. The default is
-    /// coaxial.
+    /// Declares whether the rig is coaxial (the default). The projector and camera of a coaxial rig have the same pose and lens, so that `A
+    /// = Aᵀ`.
     #[must_use]
     pub fn declared(mut self, symmetry: Symmetry) -> Self {
         self.symmetry = symmetry;
@@ -139,7 +139,7 @@ impl Measurement {
         &self.options
     }
 
-    /// Whether each projector pixel is seen by at least one camera pixel. The other projector pixels are masked.
+    /// Whether each projector pixel is seen by at least one camera pixel. Projector pixels that are not seen are masked.
     pub fn seen(&self) -> &[bool] {
         &self.seen
     }
@@ -159,12 +159,13 @@ impl Measurement {
         Ok(self.pipeline.references()?.exposures.clone())
     }
 
-    /// The share of the camera's samples that are saturated in some exposure of the white photo. Shorter exposures replace these samples.
+    /// The fraction of the camera's samples that are saturated in some exposure of the white photo. Shorter exposures replace these
+    /// samples.
     pub fn saturated(&mut self) -> Result<f64> {
         Ok(self.pipeline.references()?.saturated)
     }
 
-    /// The drift of the lamp, measured by sentinels (repeated photos of white).
+    /// The drift of the lamp, measured by repeated photos of white.
     pub fn drift(&mut self) -> Result<DriftReport> {
         self.pipeline.references()?;
         Ok(self.pipeline.drift.report())
@@ -325,7 +326,7 @@ mod tests {
     use super::*;
     use crate::measure::{JournaledFrames, LiveFrames, Opener};
 
-    /// Compiles only for types that may move to another thread.
+    /// A call compiles only if `T` may move to another thread.
     fn assert_send<T: Send>() {}
 
     #[test]

@@ -1,4 +1,5 @@
-//! The measurement of a rig: from the integers of projector and camera to products `A x` with signed, real vectors `x`.
+//! The measurement of a rig: products `A x` with signed, real vectors `x`, computed from the integer levels of the projector and counts of
+//! the camera.
 //!
 //! Raw frames come from a [`FrameSource`]: live devices ([`LiveFrames`]) or a journal in front of them ([`JournaledFrames`]). A
 //! [`Calibration`] holds the devices' responses, noise and pixel map. The module `calibrate` measures a calibration. A [`Measurement`]
@@ -9,16 +10,16 @@
 //!
 //! | file | stage | section |
 //! |---|---|---|
-//! | `live` | waits until the light has settled, and distinguishes new frames from old ones | |
+//! | `live` | waits until the light has settled, and distinguishes new frames from old frames | |
 //! | `response` | converts counts to light with its noise, and light to levels | 8.1 |
 //! | `exposure`, `hdr` | choose exposures, average repeated frames, subtract the black photo, merge by inverse variance | 7.2, 8.2 |
-//! | `photo_pipeline` | divides photos by the lamp's brightness, which a sentinel measures | |
+//! | `photo_pipeline` | divides photos by the lamp's brightness, which repeated photos of white measure | |
 //! | `sight` | tells whether the camera sees the projector's white, and whether this white is steady | |
-//! | `registration`, `footprint`, `spread` | resample photos to projector pixels, with the noise of any sum of photos | 8.1 |
+//! | `registration`, `footprint`, `spread` | resample photos to projector pixels, and compute the noise of any sum of photos | 8.1 |
 //! | `display` | rounds patterns to levels, and sums frames for more levels | 7.2 |
 //! | `signed` | shows signed vectors as patterns, chosen by predicted noise | 7.1 |
 //! | `direct`, `direct_fit` | measure the direct light, and remove it for the pattern that was actually shown | |
-//! | `product` | puts products together from photos, with a blur of pattern and photo | |
+//! | `product` | computes products from photos, with a blur of pattern and photo | |
 //!
 //! Photos are in linear DN per second for a full-range pattern. The value 1 of a pattern is the light of the projector's brightest level
 //! minus the light of its black level. Every value of a photo has a variance, which is propagated from the variance of a sample:

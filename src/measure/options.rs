@@ -18,13 +18,13 @@ pub struct MeasureOptions {
     pub dither: DitherBy,
     /// The seed of random dither.
     pub dither_seed: u64,
-    /// Add the direct light of the rounding error to each product. Only the global light of the rounding error is then missing. This needs
-    /// the direct image, which costs a few patterns once.
+    /// Add to each product the direct light that is missing because of rounding. Only the global light of the rounding error is then
+    /// missing. This needs the direct image, which costs a few patterns once.
     pub compensate_rounding: bool,
     /// Exposures in seconds, the shortest first. They are merged by inverse variance. When empty, they are chosen from photos of white.
     pub exposures: Vec<f64>,
-    /// The largest number of exposures to choose. Each exposure is four times the exposure before. Another is added while a pixel of white
-    /// is dark.
+    /// The largest number of exposures to choose. Each exposure is four times the exposure before. Another exposure is added while a pixel
+    /// of white is dark.
     pub brackets: u32,
     /// Frames averaged for each photo.
     pub takes: u32,
@@ -38,7 +38,7 @@ pub struct MeasureOptions {
     pub registration: bool,
     /// Divide patterns and photos by the measured uneven brightness of projector and camera.
     pub flat_field: bool,
-    /// Patterns between two sentinels, which are photos of white that measure drift. 0 means no sentinels.
+    /// The number of patterns between two photos of white that measure drift. 0 means that drift is not measured.
     pub sentinel_every: u32,
     /// Standard deviation in pixels of the Gaussian blur of both pattern and photo. 0 means no blur.
     pub blur: f64,
@@ -58,9 +58,10 @@ pub struct MeasureOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SignedBy {
-    /// The form below, affine or split, that is predicted to be less noisy.
+    /// The affine or the split form, whichever is predicted to be less noisy.
     Auto,
-    /// One photo of `(x − a)/(b − a)`, and the white photo that was already taken (O'Toole and Kutulakos, section 7.1).
+    /// One photo of `(x − a)/(b − a)` and the white photo that was already taken, where `x` has values from `a` to `b` (O'Toole and
+    /// Kutulakos, section 7.1).
     Affine,
     /// Two photos: one photo of the positive part and one photo of the negative part.
     Split,
@@ -70,11 +71,12 @@ pub enum SignedBy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DitherBy {
-    /// Error diffusion for the global part, because global light is insensitive to high spatial frequencies. Nearest levels otherwise.
+    /// Error diffusion for the global part, because global light is insensitive to high spatial frequencies, and nearest levels otherwise.
     Auto,
     /// Each pixel shows the nearest level. The error at each pixel is the least possible, but the errors of neighbours are correlated.
     None,
-    /// Each pixel shows the level below or above at random. The error has twice the variance and is not correlated.
+    /// Each pixel shows the level below or above at random. The error has twice the variance that nearest levels give, and the errors of
+    /// neighbours are not correlated.
     Random,
     /// The error of each pixel is passed on to its neighbours, so that it has only high spatial frequencies (Floyd and Steinberg 1976).
     Diffusion,
@@ -84,7 +86,7 @@ pub enum DitherBy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DirectBy {
-    /// Shifted patterns of high spatial frequency measure the direct light (Nayar et al. 2006).
+    /// Patterns of high spatial frequency measure the direct light (Nayar et al. 2006).
     Patterns,
     /// The direct light is not measured and cannot be removed.
     None,
@@ -116,7 +118,8 @@ impl Default for MeasureOptions {
     }
 }
 
-/// The largest number of takes (repeated photos) of one frame. Take numbers from this number on belong to the sentinels.
+/// The largest number of takes (repeated photos) of one frame. Larger take numbers, and this number, belong to photos of white that measure
+/// drift.
 pub(crate) const MOST_TAKES: u32 = 65_536;
 
 impl MeasureOptions {

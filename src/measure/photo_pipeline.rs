@@ -1,4 +1,4 @@
-//! From a frame to its photo on the camera's pixels: averaging, HDR, ambient light, camera response and drift, in this order.
+//! Takes the photo of a frame on the camera's pixels: averaging, HDR, ambient light, camera response and drift, in this order.
 
 use std::collections::HashSet;
 use std::hash::{BuildHasher, BuildHasherDefault, DefaultHasher};
@@ -32,19 +32,19 @@ pub(crate) struct PhotoPipeline {
     references: Option<Arc<ReferencePhotos>>,
     /// Patterns since the last photo of white.
     since_white: u32,
-    /// The number of sentinels between the run's patterns. Sentinels at an end of the run do not count.
+    /// The number of sentinels (repeated photos of white) between the run's patterns. The sentinels of [`Self::look_again`] do not count.
     sentinels: u32,
-    /// The take number of the last sentinel at an end of the run.
+    /// The take number of the last sentinel of [`Self::look_again`].
     last: Option<u32>,
 }
 
-/// The exposures and the photos of black and white, which all other photos need. They are taken before the first photo.
+/// The exposures and the photos of black and white, which all other photos need. They are taken before any other photo.
 pub(crate) struct ReferencePhotos {
     /// The exposures in seconds, the shortest first.
     pub(crate) exposures: Vec<f64>,
     pub(crate) blacks: BlackPhotos,
     pub(crate) white: Arc<RateFrame>,
-    /// The share of the used samples that are saturated in at least one exposure of white.
+    /// The fraction of the used samples that are saturated in at least one exposure of white.
     pub(crate) saturated: f64,
     /// The photo of white at the shortest exposure, with which sentinels are compared.
     reference: AveragedExposure,
@@ -76,7 +76,7 @@ impl PhotoPipeline {
         }
     }
 
-    /// The photo of `frame`, corrected for drift. The photo of white is the reference.
+    /// The photo of `frame`, corrected for the drift of the lamp since the first photo of white.
     pub(crate) fn photograph(&mut self, frame: &Arc<Frame>) -> Result<Arc<RateFrame>> {
         let references = self.references()?;
         if *frame == self.white {
@@ -195,7 +195,7 @@ impl PhotoPipeline {
     }
 }
 
-// The drift stage: photos are divided by the brightness of the lamp, which sentinels measure.
+// The drift stage: photos are divided by the brightness of the lamp.
 //
 // A sentinel is a photo of white that is repeated after a fixed number of patterns. The brightness of the lamp is the sentinel's light
 // relative to the first white photo. A photo is corrected as soon as it is taken, so the brightness at its time is extrapolated from the

@@ -17,10 +17,12 @@ use crate::image::{Image, Resolution};
 use crate::operator::Symmetry;
 use crate::transport::Part;
 
-/// A rig that was not calibrated is refused when a photo's total light is off from proportion by more than this share of white.
+/// The largest accepted deviation of a photo's total light from the light that was shown, as a fraction of white's total light. A rig that
+/// was not calibrated is refused when the deviation is larger.
 const PROPORTIONAL: f64 = 0.03;
 
-/// The least accepted correlation of a photo with the pattern that was shown. With a wrong pixel map, it is 0 ± 0.13 for 64 squares.
+/// The least accepted correlation of a photo with the pattern that was shown. With a wrong pixel map and 64 squares, the correlation is 0 ±
+/// 0.13.
 const LEAST_CORRELATION: f64 = 0.5;
 
 /// Sums over all pixels of the products of any two of these three: white `w`, white times pattern `h`, and photo `y`. The correlation of
@@ -38,7 +40,7 @@ impl Likeness {
         }
     }
 
-    /// The finding about the correlation of pattern and photo. First, the component along white is removed from both.
+    /// The finding about the correlation of pattern and photo. First, the component along white is removed from pattern and photo.
     fn finding(&self) -> Finding {
         let [[ww, of_white @ ..], ..] = self.0;
         let rest = |a: usize, b: usize| {
@@ -74,7 +76,8 @@ impl Measurement {
         Ok(self.white.insert(white).clone())
     }
 
-    /// The black photo: the light without a pattern. It is taken once. It is unknown, and 0, if the ambient stage is off.
+    /// The black photo: the light without a pattern. It is taken once. If the ambient stage is off, this light is not known, and the photo
+    /// is 0.
     pub fn ambient(&mut self) -> Result<Photo> {
         let channels = self.camera_channels();
         let references = self.pipeline.references()?;
@@ -97,7 +100,7 @@ impl Measurement {
         Ok(self.photo(&planes))
     }
 
-    /// The direct image: the direct light under white, from shifted checkerboards. It is measured once.
+    /// The direct image: the direct light under white, from patterns of high spatial frequency. It is measured once.
     ///
     /// # Errors
     /// [`Error::Option`] when the options exclude this measurement, and the errors of taking its photos.
@@ -110,9 +113,9 @@ impl Measurement {
     }
 
     /// Examines the photo of one pattern. The photo must show the pattern where the pixel map expects it. For a rig that was not
-    /// calibrated, the photo must also be in proportion to the shown light. The pattern has random squares. If projector and camera stand
-    /// apart, each pixel sees other pixels, so the pattern has half of the light everywhere. Proportion is not tested when the responses
-    /// are switched off, because levels and counts are then used as they are.
+    /// calibrated, the photo must also be in proportion to the shown light. The pattern has random squares if the rig is coaxial. Otherwise
+    /// the places of photo and pattern do not correspond, so the pattern has half of the light everywhere. Proportion is not tested when
+    /// the responses are switched off, because levels and counts are then used as they are.
     ///
     /// # Errors
     /// [`Error::Rig`] when photos are not in proportion, and the errors of taking the photos.
@@ -203,8 +206,9 @@ impl Measurement {
         Ok(self.photo(&planes))
     }
 
-    /// Estimates the error of a photo of this pattern that is due to the projector's levels: for each channel, the norm of the light that
-    /// the pixels reflect of the difference between the pattern and its shown version. The estimate takes only the white photo.
+    /// Estimates the error of a photo of this pattern that is due to rounding to the projector's levels. For each channel, the estimate is
+    /// the norm of the difference between the pattern and the shown pattern, multiplied pixel by pixel by the white photo. It needs no
+    /// photo except the white photo.
     pub fn rounding(&mut self, pattern: &Image) -> Result<Vec<f64>> {
         let mut left: Vec<Vec<f64>> =
             (0..pattern.channels()).map(|channel| self.even_pattern(&pattern.plane(channel))).collect();

@@ -92,7 +92,7 @@ impl Measurement {
         Ok(Some(photos))
     }
 
-    /// The product without the blur, including the uneven brightness of the devices.
+    /// The product without the blur. It still contains the uneven brightness of the devices.
     fn unblurred(&mut self, part: Part, channel: usize, target: &[f64]) -> Result<Plane> {
         let channel_weights = self.channel_weights(channel);
         let mut terms = Vec::new();
@@ -165,7 +165,7 @@ impl Measurement {
         let mut rate_frames: Vec<&RateFrame> = vec![&references.white];
         let mut coefficients = vec![white];
         for term in terms {
-            // The white photo may also be a term. This term must not count as a second, independent photo.
+            // The white photo may also be a term. It must not count as a second, independent photo.
             if Arc::ptr_eq(&term.rate_frame, &references.white) {
                 coefficients[0] += term.coefficient;
             } else {
@@ -200,7 +200,7 @@ impl Measurement {
             None => self.masked(x),
         };
         let pattern = self.even_pattern(&blurred);
-        // `light` divides each pixel of a photo by a factor. The division of the left vector by the same factors has the same effect.
+        // `light` divides each pixel of a photo by a factor. Dividing the left vector by the same factors has the same effect.
         let photo = self.light(Plane { variance: vec![0.0; blurred.len()], values: blurred }).values;
         let direct = self.direct_light()?;
         let of_channel =

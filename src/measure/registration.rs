@@ -65,12 +65,12 @@ impl Registration {
         self.starts.windows(2).map(|pair| pair[0] < pair[1]).collect()
     }
 
-    /// The blur that patterns and photos need so that the camera can resolve all their detail, as a standard deviation in projector pixels.
-    /// The blur is 1 when the camera has fewer than two pixels per projector pixel along a side, else 0.
+    /// The standard deviation, in projector pixels, of the blur that patterns and photos need so that the camera can resolve all their
+    /// detail. The blur is 1 when the camera has fewer than two pixels per projector pixel along a side, else 0.
     ///
     /// Detail of one pixel needs two samples (the sampling theorem). With fewer samples, some detail is aliased to another pattern, which
-    /// no model of direct light explains. A Gaussian of one pixel leaves 0.7 % of the detail that alternates from pixel to pixel. A camera
-    /// that sees each projector pixel by exactly one pixel, without any resampling, needs no blur.
+    /// no model of direct light explains. A Gaussian of one pixel leaves 0.7 % of the detail that alternates from pixel to pixel. No blur
+    /// is needed if exactly one camera pixel sees each projector pixel, because no photo is then resampled.
     pub fn blur(&self) -> f64 {
         let is_one_to_one = self.starts.windows(2).all(|row| row[1] - row[0] <= 1);
         let mut used = vec![false; self.camera.pixels()];
@@ -92,7 +92,8 @@ impl Registration {
 
 /// The sum `Σ_m c_m(i) photo_m(i)` at the projector's pixels `i`, for one channel, with its variance.
 ///
-/// The photos are independent, except for the black photo `B` that was subtracted from each. It counts once, with the sum of its shares:
+/// The photos are independent, except for the black photo `B` that was subtracted from each. The black photo counts once, with the sum of
+/// its shares:
 ///
 /// ```text
 /// var_i = Σ_j r_ij² ( Σ_m c_m² var_mj  +  Σ_e (Σ_m c_m share_mej)² var B_ej )

@@ -7,8 +7,8 @@ use super::calibration::CameraResponse;
 use crate::error::{Error, Result};
 use crate::rig::RawFrame;
 
-/// The smallest variance that is ever predicted, as a share of the variance without light. Without this bound, a dark pixel whose expected
-/// value is negative by chance would get too large a weight.
+/// The smallest variance that is ever predicted, as a fraction of the variance without light. Without this bound, a dark pixel whose
+/// expected value is negative by chance would get too large a weight.
 const LEAST_VARIANCE: f64 = 0.25;
 
 /// Converts a camera's counts to linear light with its variance.
@@ -34,7 +34,7 @@ pub(crate) struct CameraCurve {
 }
 
 impl CameraCurve {
-    /// The curve of a camera with this many bits. `undo` corrects black level and response; without it, counts are used as light. Fails
+    /// The curve of a camera with this many bits. `undo` corrects black level and response. Without `undo`, counts are used as light. Fails
     /// with [`Error::Dimension`] unless there is one value per count, and with [`Error::Numerical`] if gain or read noise is invalid.
     pub(crate) fn new(response: &CameraResponse, bits: u32, undo: bool) -> Result<Self> {
         let counts = 1_usize << bits;
@@ -293,8 +293,8 @@ mod tests {
             let found = noise_ratio(&frame(1, times, 1.0), &frame(2, times, brightness), &response, 12);
             found.expect("frames of one size").expect("samples that are not saturated").ratio
         };
-        // 4096 samples give the root mean square to 1.1 %, and the tolerance is four times that. Rounding adds 1/12 to a variance of at
-        // least 25.
+        // The root mean square of 4096 samples has an error of 1.1 %, and the tolerance is four times this error. Rounding adds 1/12 to a
+        // variance of at least 25.
         assert!((ratio(1.0, 1.0) - 1.0).abs() < 0.045, "{}", ratio(1.0, 1.0));
         assert!((ratio(2.0, 1.0) - 2.0).abs() < 0.09, "{}", ratio(2.0, 1.0));
         assert!((ratio(1.0, 1.05) - 1.0).abs() < 0.045, "{}", ratio(1.0, 1.05));

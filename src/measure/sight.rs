@@ -18,11 +18,11 @@ use crate::image::Resolution;
 /// without any light of the projector.
 const SEEN: f64 = 10.0;
 
-/// The least share of the pixels of the pixel map that must see the projector.
+/// The smallest fraction of the pixel map's pixels that must see the projector.
 const LEAST: f64 = 0.5;
 
-/// The largest accepted change of white's light, as a share, from one photo of white to the next. A line corrects the photos between two
-/// photos of white, and its continuation corrects the photos after the last photo of white. An error of this size may therefore remain.
+/// The largest accepted relative change of white's light from one photo of white to the next. The lamp's brightness is interpolated between
+/// photos of white, and extrapolated after the last of them. An error of this size may therefore remain.
 const STEP: f64 = 0.05;
 
 impl Measurement {
@@ -157,7 +157,7 @@ mod tests {
     use rand_pcg::Pcg64;
 
     /// The finding about a simulated rig of eight by eight pixels. `noise`, `room` and `white` are counts of noise, of room light and of
-    /// white. Room light changes by the share `change` from photo to photo.
+    /// white. Room light changes by up to the fraction `change` from photo to photo.
     fn found(seed: u64, [noise, room, white, change]: [f64; 4], options: &MeasureOptions) -> Finding {
         let mut random = Pcg64::seed_from_u64(seed);
         let photo = move |request: &CaptureRequest, _| {
@@ -188,7 +188,8 @@ mod tests {
                 MeasureOptions { exposures: exposures.clone(), black_takes: 1, ..MeasureOptions::default() },
                 MeasureOptions { exposures, ambient: false, ..MeasureOptions::default() },
             ];
-            // Two photos of black may change alike by chance. Such a change is not seen; only the noise of pixels is seen.
+            // The room light of two photos of black may be equal by chance. Room light therefore changes only with the first options, which
+            // take more photos of black.
             let change = if seed % 3 == 0 { change } else { 0.0 };
             let options = &options[seed as usize % 3];
             let blind = found(seed, [noise, room, 0.0, change], options);

@@ -80,8 +80,8 @@ fn range(x: &[f64], seen: &[bool]) -> [f64; 2] {
 /// Predicts the total variance of photos over all projector pixels, from the white photo and the camera's noise model.
 ///
 /// The total light of the photo of a pattern `g` is `⟨1, A g⟩ = ⟨A 1, g⟩`, because `A = Aᵀ`. The white photo `A 1` thus gives the total
-/// light for every pattern. The distribution of the light over the pixels matters only where exposures are merged. This distribution is
-/// assumed to be that of white.
+/// light for every pattern. The distribution of the light over the pixels matters only where exposures are merged. It is then assumed that
+/// the light is distributed as under white.
 pub(crate) struct NoisePrediction<'a> {
     pub(crate) curve: &'a CameraCurve,
     pub(crate) options: &'a MeasureOptions,
@@ -109,7 +109,7 @@ impl NoisePrediction<'_> {
         total
     }
 
-    /// The variance of the rate of one sample that receives this `share` of white's light.
+    /// The variance of the rate of one sample, if the sample gets the fraction `share` of white's light.
     fn of_sample(&self, sample: usize, share: f64) -> f64 {
         let rate = share * self.references.white.values[sample].max(0.0);
         let mut precision = 0.0;
@@ -146,7 +146,7 @@ impl NoisePrediction<'_> {
     }
 
     fn of_black(&self) -> f64 {
-        // Dim pixels have nearly all of their weight at the longest exposure.
+        // Only the longest exposure is considered, because dim pixels have nearly all of their weight there.
         self.references.blacks.variance.last().map_or(0.0, |black| self.total(|sample| black[sample]))
     }
 }

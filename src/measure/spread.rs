@@ -1,9 +1,9 @@
 //! The spread of light by the camera's pixels.
 //!
-//! A camera pixel sees the mean over its footprint, and each value of a photo is a sum over camera pixels. A photo's value therefore
-//! contains light of neighbouring projector pixels: it is `S y` for the light `y` of the projector's pixels. The pixel map's weights make
-//! `S` nearly the identity where the camera is finer than the projector. For a coarser camera, the other entries of `S` matter for direct
-//! light, which is as sharp as the pattern.
+//! A camera pixel sees the mean over its footprint, and each value of a photo is a sum over camera pixels. A photo's values therefore
+//! contain light of neighbouring projector pixels: the photo is `S y` for the light `y` of the projector's pixels. The pixel map's weights
+//! make `S` nearly the identity where the camera is finer than the projector. For a coarser camera, the other entries of `S` matter for
+//! direct light, which is as sharp as the pattern.
 
 use rayon::prelude::*;
 
@@ -77,7 +77,7 @@ mod tests {
     use super::*;
     use crate::image::Resolution;
 
-    /// A camera pixel that lies across four projector pixels sees a quarter of each.
+    /// The spread of a camera whose inner pixels each cover a quarter of four projector pixels.
     fn across() -> PixelSpread {
         let size = Resolution::new(6, 5);
         let lens = LensMap {

@@ -12,7 +12,7 @@ const SIDE: f64 = 4.0;
 /// A cell is used if at least this fraction of its pixels is decoded.
 const FILLED: f64 = 0.25;
 
-/// Codes farther than this many steps from their cell's median are misread or belong to another depth. Rounding alone moves them less.
+/// Codes farther than this many steps from their cell's median are misread or belong to another depth. Rounding alone moves codes less.
 const APART: f64 = 0.75;
 
 /// The smallest assumed scatter within a cell, in projector pixels.
@@ -58,7 +58,7 @@ pub(crate) fn disparity(decoded: &Decoded, fit: &Fit) -> Disparity {
     let scale = photo_axes(map, [0.5 * camera.width as f64, 0.5 * camera.height as f64]).1;
     let side = ((SIDE * step / scale).ceil() as usize).clamp(2, camera.width.min(camera.height).max(2));
     let mut patches = patches(decoded, map, side);
-    // All pixels along a projector line have the same rounding of codes, and a cell covers `SIDE` lines.
+    // All pixels along a projector line have the same rounding error of codes, so a cell averages `SIDE` independent errors.
     let within = percentile(patches.iter().map(|patch| patch.scatter), 0.5) / SIDE.sqrt();
     let fit_error = refine(&mut patches, map, within.max(LEAST)).unwrap_or(fit.error);
     let cells: Vec<Cell> = patches
@@ -148,7 +148,7 @@ const LEAST_OFF: f64 = 0.1;
 /// An offset requires at least this number of displaced cells, and at least this fraction of all cells.
 const CELLS: (usize, f64) = (3, 0.01);
 
-/// The side is certain if at least this fraction of the displacement points to it.
+/// The camera's side is certain if at least this fraction of the cells' total displacement points to it.
 const ONE_SIDED: f64 = 0.8;
 
 /// `tan 22.5°`. A component of a direction is not mentioned if it is smaller than the other component times this factor.
@@ -206,7 +206,8 @@ pub(crate) fn stand(disparity: &Disparity) -> Option<CameraOffset> {
     })
 }
 
-/// The displacement at which the cumulative sum of the sorted displacements reaches half. Cells at an object's border have little weight.
+/// The displacement at which the cumulative sum of the sorted displacements reaches half. Cells at an object's border have smaller
+/// displacements, and so little weight.
 fn middle(mut displacements: Vec<f64>) -> f64 {
     displacements.sort_by(f64::total_cmp);
     let half = 0.5 * displacements.iter().sum::<f64>();
@@ -227,7 +228,7 @@ impl CameraOffset {
         match (sideways, upright) {
             (Some(sideways), Some(upright)) => format!("{sideways} the projector and {upright} it"),
             (Some(one), None) | (None, Some(one)) => format!("{one} the projector"),
-            // A direction of length 1 has a large component along at least one axis.
+            // This case does not occur, because a direction of length 1 has a large component along at least one axis.
             (None, None) => "beside the projector".into(),
         }
     }
@@ -242,7 +243,8 @@ impl CameraOffset {
         ways.into_iter().flatten().collect::<Vec<_>>().join(" and ")
     }
 
-    /// Whether the camera is to the right of the projector, and whether it is below. `None` for a component too small to be mentioned.
+    /// Whether the camera is to the right of the projector, and whether it is below the projector. `None` for a component too small to be
+    /// mentioned.
     fn parts(&self) -> [Option<bool>; 2] {
         let [x, y] = self.toward;
         [(x.abs() > ASIDE * y.abs()).then_some(x > 0.0), (y.abs() > ASIDE * x.abs()).then_some(y > 0.0)]

@@ -21,7 +21,8 @@ fn of_length(numerator: f64, seen: &Plane) -> Ratio {
 fn deviation(residual: &[f64], variance: &[f64], reference: &Plane) -> (Ratio, f64) {
     let squares: f64 = residual.iter().map(|value| value * value).sum();
     let noise: f64 = variance.iter().sum();
-    // The sum of squares of noisy values has a standard error of √(2 Σ var²). Its square root has half of this error, divided by the root.
+    // The sum of squares of noisy values has a standard error of √(2 Σ var²). The square root of the sum has half of this error, divided by
+    // the root.
     let spread = (2.0 * variance.iter().map(|variance| variance * variance).sum::<f64>()).sqrt();
     let excess = (squares - noise).max(0.0);
     let error = spread / (2.0 * excess.max(spread).max(f64::MIN_POSITIVE).sqrt());
@@ -144,7 +145,7 @@ pub(crate) fn symmetry(
         }
     }
     let figure = Ratio::of((squares - noise).max(0.0).sqrt(), energy.sqrt(), 0.0);
-    // The mean square of `pairs` Gaussian values has a relative error of √(2/pairs). Its square root has half of that relative error.
+    // The mean square of `pairs` Gaussian values has a relative error of √(2/pairs). The square root has half of this relative error.
     let error = (squares / energy).sqrt() * (0.5_f64 / pairs).sqrt();
     Finding::judged(
         "symmetry",

@@ -1,15 +1,15 @@
 //! An audit checks whether a source is the linear, symmetric operator that all other analyses assume.
 //!
-//! Each check compares photos of random patterns. It gives a figure, the figure's standard error due to the photos' noise, and a bound:
+//! Each check compares photos of random patterns. The result is a figure, its standard error due to the photos' noise, and a bound:
 //!
-//! | check | what is compared | what breaks it |
+//! | check | compared photos | causes of failure |
 //! |---|---|---|
 //! | additivity | `A p + A (1 − p)` and `A 1` | black level, ambient light, saturation, a nonlinear camera response |
 //! | homogeneity | `A (c p)` and `c A p` | the projector's response (gamma) |
 //! | repeatability | the first and the last `A p` | drift |
-//! | symmetry | `yᵀ A x` and `xᵀ A y` | misregistration, a camera with another centre than the projector |
+//! | symmetry | `yᵀ A x` and `xᵀ A y` | misregistration, different centres of projection of camera and projector |
 //! | crosstalk | each channel under red, green and blue alone | a camera channel that sees the projector's other colours |
-//! | direct light | pixels with light, but without direct light | the same causes as for symmetry: shadows |
+//! | direct light | pixels with light, but without direct light | shadows, which have the same causes as asymmetry |
 //!
 //! Automatic behaviour of a rig's devices may cause a check to fail. [`crate::bench::rig_check::faults`] reports such behaviour.
 //!

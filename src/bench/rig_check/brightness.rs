@@ -196,7 +196,7 @@ fn levels(probe: &Probe<'_>, ends: [f64; 2]) -> Finding {
 // The check of the projector's colours: whether red, green and blue add up to gray of the same level.
 //
 // If a colour wheel has a white segment, gray is brighter than the sum of its colours. The same is true of a projector that trades
-// saturation for brightness. Photos are then linear in gray patterns, but not in coloured ones.
+// saturation for brightness. Photos are then linear in gray patterns, but not in coloured patterns.
 
 /// The levels of the colours, as fractions of the highest level. A projector may use its white segment for bright colours only.
 const LEVELS: [f64; 2] = [1.0, 0.5];
@@ -373,7 +373,7 @@ mod tests {
                 let finding = iris(probe, [before, after], &quadrants);
                 assert!(finding.grade == grade && finding.found.contains(text), "{finding}");
             }
-            // If photos scatter by 8 %, their sum scatters by half of that.
+            // If photos scatter by 8 %, the sum of the quadrants scatters by 4 %.
             probe.scatter = 0.08;
             for (sum, grade) in [(2.21, Grade::Ok), (2.23, Grade::Warning)] {
                 let quadrants = vec![vec![0.25 * sum; 20]; 4];
@@ -466,9 +466,9 @@ mod tests {
     fn a_white_segment_is_found_at_the_level_where_it_shines() {
         for (segment, above, grade, text) in [
             (0.0, 0.0, Grade::Ok, "add up to gray within 0.00 % at the highest level and at half of it"),
-            // 1/1.06 − 1.
+            // The difference is 1/1.06 − 1.
             (0.06, 0.0, Grade::Ok, "within 5.66 %"),
-            // 1/1.1 − 1 at every level.
+            // The difference is 1/1.1 − 1 at every level.
             (0.1, 0.0, Grade::Warning, "by -9.1 % at the highest level and by -9.1 % at half of it"),
             // At the highest level, four tenths of the segment add light, which gives 1/1.2 − 1. At half of this level, it adds no light.
             (

@@ -14,8 +14,8 @@ use crate::rig::{CameraInfo, CameraSpec, Frame, HardwareRig, Helper, Projector, 
 /// An exposure may differ from a whole number of projector refreshes by this fraction of a refresh.
 const REFRESH_FRACTION: f64 = 0.02;
 
-/// The check warns when there is disk space for fewer photos than this. A long session takes so many: a capture with several exposures and
-/// repeated photos, its calibration, and a second try.
+/// The check warns when there is disk space for fewer photos than this. A long session takes this many: a capture with several exposures
+/// and repeated photos, its calibration, and a second try.
 const SESSION_PHOTOS: u64 = 5000;
 
 /// The check fails when there is disk space for fewer photos than this, because not even one capture fits.
@@ -48,7 +48,7 @@ pub(crate) fn file(file: &RigFile) -> Finding {
     }
 }
 
-/// The first exposure that is not a whole multiple of the refresh time. Such an exposure covers a refresh only in part.
+/// The first exposure that is not a whole multiple of the refresh time. Such an exposure covers its last refresh only in part.
 fn uneven(options: &MeasureOptions, frame_time: f64) -> Option<f64> {
     let is_uneven = |exposure: &f64| {
         let refreshes = exposure / frame_time;
@@ -192,7 +192,7 @@ pub(crate) fn space(folder: &Path, camera: &CameraInfo) -> Finding {
     if let Err(why) = atomic::check_writable(&there.join("krylux-check")) {
         return Finding::error("disk", &why);
     }
-    // A journal stores two bytes per sample. Levels and headers take less space than the photos.
+    // A journal stores two bytes per sample. Levels and headers are neglected, because they take less space than the photos.
     let photo_bytes = 2 * (camera.resolution.pixels() * camera.channels) as u64;
     let Some(free) = free(&there) else {
         return Finding::ok("disk", format!("{} can be written; the free space is unknown", there.display()));

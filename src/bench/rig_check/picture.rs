@@ -13,12 +13,12 @@ use crate::measure::sight;
 /// The check warns when the frame's border has less than this fraction of the expected light.
 const BORDER: f64 = 0.5;
 
-/// The check warns when stripes are blurred by more projector pixels than this. Camera pixels as large as the projector's blur by up to
-/// 0.35.
+/// The check warns when stripes are blurred by more projector pixels than this. Camera pixels as large as projector pixels cause a blur of
+/// up to 0.35.
 const BLUR: f64 = 0.6;
 
-/// The check warns when a second image has more than this fraction of the first image's light. A mirror ball and noise of an 8-bit camera
-/// have caused 1.2 %.
+/// The check warns when a second image has more than this fraction of the first image's light. A mirror ball in the scene and noise of an
+/// 8-bit camera have caused a second image of 1.2 %.
 const GHOST: f64 = 0.02;
 
 /// The least number of pixels along an axis that the checks of sharpness and ghost need.
@@ -44,7 +44,7 @@ pub(crate) fn picture(probe: &mut Probe<'_>, recorder: &mut Recorder<'_, '_>) ->
     recorder.add(finding)
 }
 
-/// Checks whether the outermost rows and columns of the frame are seen. In a coaxial rig, the light of the border in the whole photo equals
+/// Checks whether the outermost rows and columns of the frame are seen. In a coaxial rig, the total light of a photo of the border equals
 /// the light of white in the area where the border should be seen.
 fn border(probe: &mut Probe<'_>) -> Result<Finding> {
     let (projector, camera) = (probe.projector(), probe.camera());
@@ -209,7 +209,8 @@ fn second(light: &[f64], size: Resolution, ratio: f64) -> Option<[f64; 3]> {
     peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
     let &(share, [x, y]) = peaks.first()?;
     let next = peaks.iter().skip(1).find(|(_, [u, v])| {
-        // Neighbouring displacements belong to the same peak. On the axis, opposite displacements do too.
+        // Neighbouring displacements belong to the same peak. Opposite displacements also belong to the same peak, where both are tried: on
+        // the horizontal axis.
         let near = |sign: i64| (u - sign * x).abs().max((v - sign * y).abs()) as f64 <= 1.5 * ratio;
         !near(1) && !near(-1)
     });
@@ -328,8 +329,8 @@ mod tests {
         }
     }
 
-    /// The border has 1584 of 38,400 pixels, or 4.1 %. If the border's reflectance is `b` times that of the other pixels, the border has `b
-    /// / (0.959 + 0.041 b)` of the light that it would have in an even scene: 5.5 and 4.5 %.
+    /// The border has 1584 of 38,400 pixels, or 4.1 %. If the border's reflectance is `b` times the reflectance of the other pixels, the
+    /// border has `b / (0.959 + 0.041 b)` of the light that it would have in an even scene: 5.5 and 4.5 %.
     #[test]
     fn a_border_is_not_examined_where_the_scene_is_dark_there() {
         let size = Resolution::new(240, 160);

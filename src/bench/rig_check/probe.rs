@@ -163,7 +163,7 @@ pub(crate) fn take(frames: &mut dyn FrameSource, exposure: f64) -> Result<Photos
         blacks.push(session.capture(&black, exposure)?);
         whites.push([session.capture(&white, exposure)?, session.capture(&white, exposure)?]);
     }
-    // If the wait is too short, the first photo of black still contains some of white's light. It must not count as ambient light.
+    // If the wait is too short, the first photo of black still contains some of white's light. This light must not count as ambient light.
     session.capture(&black, exposure)?;
     let black = session.capture(&black, exposure)?;
     let after = session.effort();

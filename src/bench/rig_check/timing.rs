@@ -5,7 +5,8 @@ use super::{Finding, Grade, Recorder};
 use crate::error::Result;
 use crate::finding::{Ratio, SIGMAS, decimal};
 
-/// The bound on pulses of light. White's light per second may differ by this fraction between exposures that are not whole refreshes.
+/// The bound on pulses of light. White's light per second may differ by this fraction between exposures that are not whole multiples of a
+/// refresh.
 const PULSES: f64 = 0.02;
 
 /// The bound on pulses where the camera's response is not known. A response of `x^0.95` causes a difference of 5 %.
@@ -15,7 +16,8 @@ const PULSES_UNCALIBRATED: f64 = 0.08;
 /// more than this fraction.
 const ROLLING: f64 = 0.02;
 
-/// Exposures in refreshes of the projector. None is a whole multiple of a refresh or of one of its usual parts.
+/// Exposures in refreshes of the projector. No exposure is a whole multiple of a refresh or of the parts into which projectors usually
+/// divide a refresh.
 const EXPOSURES: [f64; 3] = [0.63, 1.37, 1.63];
 
 /// The assumed refresh time in seconds, if the projector's refresh time is not known.
@@ -152,7 +154,7 @@ mod tests {
     use crate::measure::simulated::Simulated;
 
     /// The finding of `check` on a bench of four by eight pixels. Photos with an exposure of one second have 100 counts without light and
-    /// 300 more for black. White adds 40,000 counts, times `share` of the row, the exposure and the wait.
+    /// 300 more for black. White adds 40,000 counts times the fraction that `share` gives for the row, the exposure and the wait.
     fn found(
         share: impl Fn(usize, f64, f64) -> f64 + Send,
         check: impl FnOnce(&mut Probe<'_>, &mut Recorder<'_, '_>) -> Result<()>,

@@ -35,8 +35,8 @@
 //! [measurement]                   # MeasureOptions
 //! ```
 //!
-//! A still camera needs other programs. Programs that the file names run only if the file is in the user's own folder ([`own_folder`]) or
-//! if they are otherwise allowed ([`RigFile::require_programs_allowed`]).
+//! A still camera is controlled by other programs. Programs that the file names run only if the file is in the user's own folder
+//! ([`own_folder`]) or if they are otherwise allowed ([`RigFile::require_programs_allowed`]).
 //!
 //! A program can hand over devices, such as a camera behind its maker's library ([`LabBuilder::devices`](crate::lab::LabBuilder::devices)).
 //! The file then only describes them:

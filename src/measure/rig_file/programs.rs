@@ -68,7 +68,7 @@ fn objection(path: &Path, folder: &Path) -> Option<String> {
 
 impl RigFile {
     /// Enters `folder` into the rig file as the folder of its calibration, and returns the new content. Comments and the order of keys
-    /// stay. A folder below the folder of the rig file is named relative to it.
+    /// stay. A folder below the folder of the rig file is named by its relative path.
     ///
     /// # Errors
     /// The errors of [`Self::load`], and [`Error::Write`].
@@ -87,7 +87,7 @@ impl RigFile {
     }
 }
 
-/// The text of a rig file with this calibration.
+/// The text of a rig file after this calibration is entered.
 fn named_in(text: &str, calibration: &str) -> std::result::Result<String, toml_edit::TomlError> {
     let mut document: DocumentMut = text.parse()?;
     match document.get_mut("calibration").and_then(Item::as_value_mut) {
@@ -104,7 +104,7 @@ fn named_in(text: &str, calibration: &str) -> std::result::Result<String, toml_e
     Ok(document.to_string())
 }
 
-/// The name of a folder in the rig file at `path`.
+/// The name that the rig file at `path` uses for a folder.
 fn relative(path: &Path, folder: &Path) -> Result<String> {
     let real = |path: &Path| std::fs::canonicalize(path).map_err(Error::reading(path));
     let folder = real(folder)?;
