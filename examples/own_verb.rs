@@ -57,8 +57,8 @@ impl Answer for Spot {
         1
     }
 
-    fn sentence(&self) -> String {
-        format!("{:.1} % of the light comes back at the pixel itself.", 100.0 * self.own)
+    fn headline(&self) -> String {
+        format!("{:.1} % of the light comes back at the pixel itself", 100.0 * self.own)
     }
 
     /// Files, the summary of `--json` and the attributes in Python come from these names.
@@ -81,7 +81,7 @@ impl Answer for Spot {
 fn main() -> krylux::Result<()> {
     let mut lab = Lab::builder("assets/scenes/zigzag/scene.glb").size(64, 64).samples(64).open()?;
     let spot = lab.ask(&Spread { column: 20, row: 32 })?;
-    println!("{} Its distance is {:.1} pixels on average.", spot.sentence(), spot.distance);
+    println!("{}. Its distance is {:.1} pixels on average.", spot.headline(), spot.distance);
     println!("{}", lab.save("out/spread", &spot)?.report.display());
     Ok(())
 }

@@ -240,7 +240,7 @@ class Eigenpairs(Answer):
         return self.vectors[:, index].reshape(self.shape)
 
     def _sentence(self) -> str:
-        return f"{self.photos} photos: {self.status}; {self.completeness}"
+        return f"{self.status}; {self.completeness}"
 
     def _figures(self) -> Iterable[str]:
         yield _display.spectrum(self.values, self.residuals)
@@ -279,9 +279,6 @@ class SingularTriplets(Answer):
         "values": "singular_values", "patterns": "right_vectors", "photographs": "left_vectors",
         "completeness": "completeness_in_words",
     }
-
-    def _sentence(self) -> str:
-        return f"{self.photos} photos there and back: {self.status}"
 
     def _figures(self) -> Iterable[str]:
         yield _display.spectrum(self.values, self.residuals)

@@ -120,7 +120,7 @@ pub(crate) fn attributes<'py>(
 ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
     let content = found.content();
     let facts = facts_of(py, &content)?;
-    facts.put("photos", found.photos())?.put("status", found.sentence())?;
+    facts.put("photos", found.photos())?.put("status", found.headline())?;
     Ok((arrays_of(py, &content)?, facts.0))
 }
 

@@ -125,6 +125,7 @@ impl AskedVerb {
             answer.verify(lab)?;
         }
         let content = answer.content();
+        console.say(format_args!("found     {}", answer.headline()))?;
         content.lines.iter().try_for_each(|line| console.say(line))?;
         content.notes.iter().for_each(|note| console.note(note));
         let (summary, kept) = (json!(content), Kept::of(&*answer, &content));
@@ -147,8 +148,7 @@ impl AskedVerb {
             Some(run) => {
                 let manifest = &run.manifest;
                 if let Some(found) = &manifest.verification {
-                    console.say(format_args!("checked   by {}: {found}", found.by))?;
-                    console.say(format_args!("          {}", found.sentence()))?;
+                    console.say(format_args!("checked   {}", found.sentence()))?;
                 }
                 [json!(manifest.noise), json!(manifest.rig), json!(manifest.verification)]
             }

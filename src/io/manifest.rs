@@ -198,29 +198,24 @@ impl Verification {
 
     /// The verdict as a sentence without its full stop.
     pub fn sentence(&self) -> String {
-        let of = &self.of;
+        let [of, by] = [&self.of, &self.by.to_string()];
+        let [error, noise] = [self.error, self.noise].map(|share| 100.0 * share);
+        let cause = self.cause.as_deref().unwrap_or("the cause is not proven");
         match self.verdict {
             CheckVerdict::Passed => format!(
-                "passed: {of} agree with {} (p = {:.2}); errors from {:.1} % on would have been seen",
-                self.by,
+                "passed: {of} by {by}: {error:.1} % off, which noise explains ({noise:.1} %, p = {:.2}); errors from {:.1} % on would have been seen",
                 self.p_value,
                 100.0 * self.resolution
             ),
-            CheckVerdict::Refuted if self.p_value >= Self::LEVEL => format!(
-                "refuted by {}: the labels are not those of its light; {}",
-                self.by,
-                self.cause.as_deref().unwrap_or("the cause is not proven")
-            ),
+            CheckVerdict::Refuted if self.p_value >= Self::LEVEL => {
+                format!("refuted: by {by}, the labels are not those of its light; {cause}")
+            }
             CheckVerdict::Refuted => format!(
-                "refuted by {}: {of} are {:.1} standard errors farther off than noise explains (p = {:.0e}); {}",
-                self.by,
-                self.statistic,
-                self.p_value,
-                self.cause.as_deref().unwrap_or("the cause is not proven")
+                "refuted: {of} by {by}: {error:.1} % off, {:.1} standard errors more than noise explains ({noise:.1} %, p = {:.0e}); {cause}",
+                self.statistic, self.p_value
             ),
             CheckVerdict::TooWeak => format!(
-                "not proven: the check by {} is too weak to tell, its noise and the residuals that the answer states hide errors of all of the light; give more photos, or more light or light paths",
-                self.by
+                "not proven: {of} by {by}: noise ({noise:.1} %) and the residuals that the answer states hide errors of all of the light; give more photos, or more light or light paths"
             ),
         }
     }
@@ -242,14 +237,6 @@ impl std::fmt::Display for Independent {
             Self::AnotherSeed => "light paths of another seed",
             Self::AnotherPhoto => "one more photo",
         })
-    }
-}
-
-impl std::fmt::Display for Verification {
-    /// For example `photos of the eigenvectors: predicted within 2.3 % (noise of the check 0.8 %)`.
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let [error, noise] = [self.error, self.noise].map(|share| 100.0 * share);
-        write!(f, "{}: predicted within {error:.1} % (noise of the check {noise:.1} %)", self.of)
     }
 }
 
@@ -387,8 +374,8 @@ mod tests {
             resolution: 0.0123,
             cause: None,
         };
-        let said = "photos of the eigenvectors: predicted within 2.3 % (noise of the check 0.8 %)";
-        assert_eq!(found.to_string(), said);
+        let said = "passed: photos of the eigenvectors by light paths of another seed: 2.3 % off, which noise explains (0.8 %, p = 0.31)";
+        assert!(found.sentence().starts_with(said), "{}", found.sentence());
         assert_eq!(found.by.to_string(), "light paths of another seed");
         assert_eq!(Independent::AnotherPhoto.to_string(), "one more photo");
         assert!(

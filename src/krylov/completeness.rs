@@ -52,15 +52,15 @@ pub enum Status {
 impl fmt::Display for Status {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::ReachedTolerance => "reached the tolerance",
-            Self::BudgetSpent => "budget spent before everything reached the tolerance",
+            Self::ReachedTolerance => "the tolerance is reached",
+            Self::BudgetSpent => "all allowed products are taken",
             Self::SpaceExhausted => "the whole space is explored; the answer is exact to rounding",
             Self::Stopped => "stopped by the caller",
-            Self::NoiseFloor => "residual at the noise floor",
+            Self::NoiseFloor => "the residual is as small as the noise",
             Self::LeastSquares => "no smaller residual exists: a least-squares solution",
-            Self::ConstrainedOptimum => "no smaller residual exists inside the box",
+            Self::ConstrainedOptimum => "no smaller residual exists within the bounds",
             Self::Stalled => "the iterate no longer moves",
-            Self::NotSymmetric => "operator is not symmetric",
+            Self::NotSymmetric => "the operator is not symmetric",
             Self::Breakdown(reason) => return write!(f, "breakdown: {reason}"),
         })
     }

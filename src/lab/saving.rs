@@ -100,7 +100,7 @@ impl Lab {
         Ok(Saved {
             report: run.path.join("report.html"),
             folder: run.path.clone(),
-            message: answer.sentence(),
+            message: answer.headline(),
             findings: run.manifest.findings.clone(),
             seconds: run.seconds(),
         })

@@ -103,8 +103,13 @@ pub trait Answer {
     /// The number of photos behind the answer, for the run's record.
     fn photos(&self) -> usize;
 
-    /// One sentence about the result, for the run's record.
-    fn sentence(&self) -> String;
+    /// What was found and how well, in fewer than twenty words without a full stop. It is the first line on the terminal.
+    fn headline(&self) -> String;
+
+    /// The sentences at the top of the page. The default is the headline.
+    fn sentence(&self) -> String {
+        format!("{}.", self.headline())
+    }
 
     /// The named arrays and facts.
     fn content(&self) -> Content<'_> {

@@ -41,7 +41,7 @@ pub struct Kept {
 impl Kept {
     /// The labels of a segmentation, or else the eigenvectors, if the answer has any.
     pub fn of(answer: &dyn crate::lab::Answer, content: &Content<'_>) -> Self {
-        let answer = || PageAnswer { status: answer.sentence(), ..PageAnswer::default() };
+        let answer = || PageAnswer { status: answer.headline(), ..PageAnswer::default() };
         let (mut groups, mut eigenvectors) = (answer(), answer());
         for array in &content.arrays {
             match (array.name, array.key, &array.values) {

@@ -287,7 +287,7 @@ pub(crate) fn facts(
             Independent::AnotherSeed => "Checked by light paths of another seed",
             Independent::AnotherPhoto => "Checked by one more photo",
         };
-        (by, format!("{found}; {}", found.sentence()))
+        (by, found.sentence())
     }));
     facts.extend(more);
     facts.extend(manifest.seed.map(|seed| ("Seed", seed.to_string())));

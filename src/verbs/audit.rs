@@ -95,6 +95,10 @@ impl Answer for AuditReport {
         self.photos
     }
 
+    fn headline(&self) -> String {
+        self.sentence().trim_end_matches('.').to_owned()
+    }
+
     fn sentence(&self) -> String {
         Self::sentence(self)
     }
@@ -114,7 +118,6 @@ impl Answer for AuditReport {
         content.fact("checks", &self.checks);
         content.fact("devices", &self.devices);
         self.checks.iter().chain(&self.devices).for_each(|finding| content.line(finding));
-        content.line(Self::sentence(self));
         content
     }
 

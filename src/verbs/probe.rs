@@ -164,6 +164,11 @@ impl Answer for ProbedLight {
         self.photos
     }
 
+    fn headline(&self) -> String {
+        let (paths, noise) = (self.probing.in_words(), percentage(self.noise()));
+        format!("the light of {paths}, with a standard error of {noise}; {} photos", self.photos)
+    }
+
     fn sentence(&self) -> String {
         let (paths, noise) = (self.probing.in_words(), percentage(self.noise()));
         let text = format!("{} photos let through {paths}, with a standard error of {noise}.", self.photos);
@@ -186,8 +191,6 @@ impl Answer for ProbedLight {
         content.fact("photos", self.photos);
         content.fact("relative_standard_error", noise);
         content.fact("relative_error", error);
-        content.line(format_args!("photos    {}, for {}", self.photos, self.probing.in_words()));
-        content.line(format_args!("noise     {} % (standard error)", text::percent(noise)));
         if let Some(error) = error {
             let error = text::percent(error);
             content.line(format_args!("error     {error} % of what the matrix itself says"));

@@ -10,7 +10,7 @@ use super::options::{count, defaults, method, number};
 use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade};
 use crate::io::npy;
-use crate::krylov::{Method, Solution, SolveOptions, Status, solve_adjoint};
+use crate::krylov::{Method, Solution, SolveOptions, Stats, Status, solve_adjoint};
 use crate::lab::{Answer, GivenArray, Lab, Verb};
 use crate::report::content::Content;
 use crate::report::residuals::{self, Row};
@@ -154,8 +154,12 @@ impl Answer for Solved {
         self.found.stats.products
     }
 
-    fn sentence(&self) -> String {
-        format!("{} products: {}", self.found.stats.products, self.found.stats.status)
+    fn headline(&self) -> String {
+        let Stats { products, status } = self.found.stats;
+        format!(
+            "a residual of {:.3e} of the right-hand side after {products} products; {status}",
+            self.found.residual
+        )
     }
 
     fn content(&self) -> Content<'_> {
@@ -170,8 +174,6 @@ impl Answer for Solved {
         content.fact("status", found.stats.status.to_string());
         content.fact("relative_residual", found.residual);
         content.detail("ended", found.stats.status.to_string());
-        content.line(format_args!("products  {}: {}", found.stats.products, found.stats.status));
-        content.line(format_args!("residual  {:.3e} of the right-hand side", found.residual));
         if let Some(file) = &self.file {
             content.line(format_args!("solution  {}", file.display()));
         }

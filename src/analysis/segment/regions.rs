@@ -130,21 +130,26 @@ impl Regions {
         }
     }
 
+    /// The number of regions in words, such as `at least 2 independent regions`.
+    pub fn count_in_words(&self) -> String {
+        let least = if self.at_least || self.next.is_none() { "at least " } else { "" };
+        let guess = if self.next.is_some() && !self.at_least && !self.clear { " (a guess)" } else { "" };
+        let regions = if self.count == 1 { "region" } else { "regions" };
+        format!("{least}{} independent {regions}{guess}", self.count)
+    }
+
     /// The evidence as a sentence, without its full stop.
     pub fn sentence(&self) -> String {
-        let regions = if self.count == 1 { "region" } else { "regions" };
+        let regions = self.count_in_words();
         let mut text = match (self.next, self.ratio) {
             (Some(next), Some(ratio)) => format!(
-                "the light shows {}{} independent {regions}: {} eigenvalue(s) within {} of one, the next {} from it ({ratio:.0} times as far)",
-                if self.at_least { "at least " } else { "" },
-                self.count,
+                "the light shows {regions}: {} eigenvalue(s) within {} of one, the next {} from it ({ratio:.0} times as far)",
                 self.at_one,
                 decimal(self.last.abs(), 4),
                 decimal(next, 4)
             ),
             _ => format!(
-                "at least {} independent {regions}: all {} eigenvalues are within {} of one; ask for more --eigenvectors",
-                self.count,
+                "{regions}: all {} eigenvalues are within {} of one; ask for more --eigenvectors",
                 self.at_one,
                 decimal(self.last.abs(), 4)
             ),

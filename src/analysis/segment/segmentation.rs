@@ -9,7 +9,7 @@ use super::options::{Cut, SegmentOptions};
 use crate::analysis::kmeans::{Clusters, KmeansOptions, kmeans};
 use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio, SIGMAS};
-use crate::krylov::{Factorization, HistoryRow, RitzPair, Which};
+use crate::krylov::{Factorization, HistoryRow, RitzPair, Status, Which};
 
 /// The largest number of groups. Labels are bytes, and 255 is the label of masked pixels.
 const MOST_GROUPS: usize = 254;
@@ -172,13 +172,18 @@ impl Segmentation {
     }
 }
 
-/// Describes how the capture ended, and how many of the `wanted` eigenvectors it resolved, as a sentence.
+/// Describes how many of the `wanted` eigenvectors the capture resolved, and what more photos would give, as a sentence.
 fn status(capture: &Capture, resolved: usize, wanted: usize, local: usize) -> String {
-    let ended = capture.status().map_or("the capture broke off".into(), |status| status.to_string());
     let localized = if local == 0 { String::new() } else { format!(", and {local} are localized") };
+    let ended = match capture.status() {
+        Some(Status::ReachedTolerance | Status::BudgetSpent) if resolved == wanted => String::new(),
+        Some(Status::BudgetSpent) => "; more photos may resolve others".into(),
+        Some(status) => format!("; {status}"),
+        None => "; the capture broke off".into(),
+    };
+    let photos = capture.photos();
     format!(
-        "{} photos: {ended}; {resolved} of {wanted} eigenvectors have a residual below {RESOLVED}{localized}",
-        capture.photos()
+        "{photos} photos: {resolved} of {wanted} eigenvectors have a residual below {RESOLVED}{localized}{ended}"
     )
 }
 

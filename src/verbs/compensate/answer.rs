@@ -8,8 +8,9 @@ use serde_json::json;
 use super::Compensate;
 use crate::analysis::{Clamping, CompensateOptions, Compensation, CompensationRow, MethodRun, Similarity};
 use crate::error::Result;
-use crate::finding::{Finding, Grade, decimal};
+use crate::finding::{Finding, Grade, Ratio, decimal};
 use crate::krylov::Method;
+use crate::lab::text::percentage;
 use crate::lab::{Answer, Lab, Verb, Verified};
 use crate::report::content::Content;
 use crate::report::run::AnswerPage;
@@ -124,13 +125,6 @@ impl Compensated {
         let found = &self.found;
         let [residual, unclipped, uncompensated] =
             [found.residual, found.unclipped_residual, found.uncompensated_residual].map(|of| decimal(of, 4));
-        content.line(format_args!(
-            "photos    {} by {}, {} before: {}",
-            found.photos,
-            self.method(),
-            found.preparation,
-            found.status
-        ));
         content.line(format_args!("residual  {residual} of the target; {uncompensated} uncompensated"));
         if let Some(row) = found.baseline.last() {
             content.line(format_args!(
@@ -174,6 +168,12 @@ impl Compensated {
         if let Some(file) = &self.file {
             content.line(format_args!("project   {}", file.display()));
         }
+        content.line(format_args!(
+            "photos    {}, of which {} prepare: {}",
+            found.photos + found.preparation,
+            found.preparation,
+            found.status
+        ));
     }
 }
 
@@ -196,6 +196,12 @@ impl Answer for Compensated {
     fn photos(&self) -> usize {
         let compared: usize = self.methods.iter().map(|run| run.photos).sum();
         self.found.photos + self.found.preparation + compared
+    }
+
+    fn headline(&self) -> String {
+        let [seen, plain] =
+            [self.found.residual, self.found.uncompensated_residual].map(|of| percentage(Ratio::from(of)));
+        format!("the photo is {seen} off the target, uncompensated {plain}; {} photos", self.photos())
     }
 
     fn sentence(&self) -> String {

@@ -262,6 +262,21 @@ fn missing(completeness: Completeness, (found, wanted): (usize, usize), products
     }
 }
 
+/// The number of results that converged or are within the noise, such as `4 of 6 eigenvalues within the noise; 50 photos`.
+fn headline(name: &str, statuses: &[PairStatus], wanted: usize, photos: usize) -> String {
+    let count = |wanted: PairStatus| statuses.iter().filter(|status| **status == wanted).count();
+    let (exact, noisy) = (count(PairStatus::Converged), count(PairStatus::LimitedByNoise));
+    let how = match (exact, noisy) {
+        (_, 0) => "converged",
+        (0, _) => "found within the noise",
+        _ => "converged or found within the noise",
+    };
+    match exact + noisy {
+        found if found == wanted => format!("all {wanted} {name} {how}; {photos} photos"),
+        found => format!("{found} of {wanted} {name} {how}; {photos} photos"),
+    }
+}
+
 /// The finding about convergence: whether all wanted pairs or triplets were found and meet the tolerance. If `strict` is false, residuals
 /// within the noise of the photos suffice.
 fn converged(name: &'static str, statuses: &[PairStatus], wanted: usize, strict: bool) -> Finding {
@@ -317,8 +332,8 @@ impl Answer for Spectrum {
         self.inner().photos()
     }
 
-    fn sentence(&self) -> String {
-        self.inner().sentence()
+    fn headline(&self) -> String {
+        self.inner().headline()
     }
 
     fn content(&self) -> Content<'_> {

@@ -2,13 +2,13 @@
 
 use serde_json::json;
 
-use super::{Eigs, converged, history, in_words, missing, shape};
+use super::{Eigs, converged, headline, history, in_words, missing, shape};
 use crate::analysis::EigenpairEstimate;
 use crate::error::Result;
 use crate::finding::Finding;
 use crate::image::Resolution;
 use crate::krylov;
-use crate::lab::text::{percent, rounded, signed, with_error};
+use crate::lab::text::{capital, percent, rounded, signed, with_error};
 use crate::lab::{Answer, Lab, Verb, Verified};
 use crate::report::content::{Content, Values};
 use crate::report::html::{Block, Figure};
@@ -45,7 +45,6 @@ impl Eigenpairs {
 
     fn lines(&self, content: &mut Content<'_>) {
         let found = &self.found;
-        content.line(format_args!("photos    {}: {}", found.stats.products, found.stats.status));
         content.line(missing(found.completeness, (found.values.len(), self.wanted), found.confirming));
         if found.asymmetry > 1e-12 {
             content.line(format_args!("symmetry  {} % off, as measured", percent(found.asymmetry)));
@@ -78,6 +77,7 @@ impl Eigenpairs {
                 found.bounds[index]
             ));
         }
+        content.line(format_args!("photos    {}: {}", found.stats.products, found.stats.status));
     }
 
     fn figures(&self, size: Resolution, page: &mut AnswerPage<'_>) -> Result<Vec<Figure>> {
@@ -96,8 +96,8 @@ impl Answer for Eigenpairs {
         self.found.stats.products
     }
 
-    fn sentence(&self) -> String {
-        format!("{} photos: {}", self.found.stats.products, self.found.stats.status)
+    fn headline(&self) -> String {
+        headline("eigenvalues", &self.found.statuses, self.wanted, self.photos())
     }
 
     fn content(&self) -> Content<'_> {
@@ -165,8 +165,12 @@ impl Answer for Eigenpairs {
 
     fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
         let found = &self.found;
-        page.sentence =
-            format!("{} photos: {}; {}.", found.stats.products, found.stats.status, found.completeness);
+        page.sentence = format!(
+            "{}; {}. {}.",
+            self.headline(),
+            found.stats.status,
+            capital(&found.completeness.to_string())
+        );
         match self.size {
             None => page.strip = None,
             Some(size) => {

@@ -1,11 +1,11 @@
 //! Singular values with their vectors: arrays, facts and the report page.
 
-use super::{Eigs, converged, history, in_words, missing, shape};
+use super::{Eigs, converged, headline, history, in_words, missing, shape};
 use crate::error::Result;
 use crate::finding::{Finding, decimal};
 use crate::image::Resolution;
 use crate::krylov::Singular;
-use crate::lab::text::{percent, rounded, with_error};
+use crate::lab::text::{capital, percent, rounded, with_error};
 use crate::lab::{Answer, Lab, Verb};
 use crate::report::content::{Content, Values};
 use crate::report::html::{Block, Figure};
@@ -81,8 +81,8 @@ impl Answer for SingularTriplets {
         self.found.stats.products
     }
 
-    fn sentence(&self) -> String {
-        format!("{} photos there and back: {}", self.found.stats.products, self.found.stats.status)
+    fn headline(&self) -> String {
+        headline("singular values", &self.found.statuses, self.wanted, self.photos())
     }
 
     fn content(&self) -> Content<'_> {
@@ -118,8 +118,10 @@ impl Answer for SingularTriplets {
     fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
         let found = &self.found;
         page.sentence = format!(
-            "{} photos there and back: {}; {}.",
-            found.stats.products, found.stats.status, found.completeness
+            "{}; {}. {}.",
+            self.headline(),
+            found.stats.status,
+            capital(&found.completeness.to_string())
         );
         if let Some(sizes) = self.sizes {
             let figures = self.figures(sizes, page)?;

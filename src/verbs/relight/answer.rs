@@ -122,7 +122,6 @@ impl Relighting {
     }
 
     fn lines(&self, content: &mut Content<'_>) {
-        content.line(format_args!("photos    {}; the model has rank {}", self.photos, self.model.rank()));
         for Relit { name, errors, stated, .. } in &self.relit {
             let stated = text::percent(*stated);
             match errors.last() {
@@ -156,6 +155,16 @@ impl Answer for Relighting {
 
     fn photos(&self) -> usize {
         self.photos
+    }
+
+    fn headline(&self) -> String {
+        let [patterns, rank] = [self.relit.len(), self.model.rank()];
+        let within = match self.worst() {
+            Some(worst) => format!(" within {} of the true photos", percentage(worst)),
+            None => String::new(),
+        };
+        let patterns = if patterns == 1 { "1 pattern".into() } else { format!("{patterns} patterns") };
+        format!("{patterns} relit{within}, by a model of rank {rank}; {} photos", self.photos)
     }
 
     fn sentence(&self) -> String {

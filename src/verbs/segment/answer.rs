@@ -183,7 +183,6 @@ impl Segmented {
             let share = Ratio::of(own, own + global, 0.0);
             content.line(format_args!("direct    {share} of the light, from {} photos", direct.photos));
         }
-        content.line(format_args!("photos    {}", found.status));
         if self.there_and_back {
             content.line(
                 "matrix    not symmetric: camera and projector stand apart; every second photo is one with the two exchanged",
@@ -227,6 +226,7 @@ impl Segmented {
                 100.0 * least
             ));
         }
+        content.line(format_args!("photos    {}", found.status));
     }
 
     fn notes(&self, content: &mut Content<'_>) {
@@ -281,8 +281,18 @@ impl Answer for Segmented {
         self.segmentation.photos + direct + evidence
     }
 
-    fn sentence(&self) -> String {
-        self.segmentation.status.clone()
+    fn headline(&self) -> String {
+        let regions = self.segmentation.regions.count_in_words();
+        let best = self.scores.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        let groups = match best {
+            Some((groups, score)) => format!("at {groups} groups the adjusted Rand index is {score:.4}"),
+            None => {
+                let shares = self.segmentation.labels.iter().filter_map(|of| self.share_of_sure(of.0));
+                let least = 100.0 * shares.fold(1.0, f64::min);
+                format!("at least {least:.1} % of the pixels are sure of their group")
+            }
+        };
+        format!("{regions}; {groups}; {} photos", self.photos())
     }
 
     fn content(&self) -> Content<'_> {

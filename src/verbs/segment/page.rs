@@ -8,7 +8,7 @@ use crate::analysis::{Evidence, MASKED};
 use crate::error::Result;
 use crate::image::Image;
 use crate::io::raster::exposure;
-use crate::lab::text::with_error;
+use crate::lab::text::{capital, with_error};
 use crate::report::html::{Block, Figure, Legend, Swatch, Values};
 use crate::report::palette::{Palette, label_color, paint_labels};
 use crate::report::run::AnswerPage;
@@ -18,7 +18,8 @@ impl Segmented {
     /// Writes pictures and features. `white` is the photo under a white pattern.
     pub(super) fn show_on(&self, white: &Image, page: &mut AnswerPage<'_>) -> Result<()> {
         let found = &self.segmentation;
-        (page.sentence, page.photos) = (self.headline(), found.photos);
+        page.sentence = format!("{} {}.", page.sentence, capital(&found.regions.sentence()));
+        page.photos = found.photos;
         let figures = self.groups(white, page)?;
         let text = "Pixels of one colour exchange light with one another, and little with the rest. Groups are numbered from 0, as in the arrays. All numbers of groups come from the same photos. A pixel is sure of its group if the probability of this group, by its coordinates, is 0.95 or more; that the number of groups is right is another question.";
         page.section("Groups", text, [Block::Figures(figures)]);
@@ -31,7 +32,7 @@ impl Segmented {
             let palette = self.palettes().into_iter().next().unwrap_or_default();
             features::show(found, view, &palette, page);
         }
-        let text = format!("{}. From these eigenvalues {}.", found.status, found.regions.sentence());
+        let text = format!("{}. From these eigenvalues, {}.", found.status, found.regions.sentence());
         let caption = "Eigenvalues; bars are residual norms. As many at one as there are regions that exchange no light.";
         let blocks = [
             spectrum::stems(&found.eigenvalues, &found.residuals, caption),
@@ -137,21 +138,6 @@ impl Segmented {
             columns.push(("tells of", marks));
         }
         columns
-    }
-
-    fn headline(&self) -> String {
-        let found = &self.segmentation;
-        let regions = found.regions.sentence();
-        let best = self.scores.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-        let photos = found.photos;
-        match best {
-            Some((groups, score)) => {
-                format!(
-                    "{photos} photos; at {groups} groups the adjusted Rand index against the true regions is {score:.4}; {regions}."
-                )
-            }
-            None => format!("{}; {regions}.", found.status),
-        }
     }
 }
 

@@ -120,7 +120,7 @@ impl Separated {
     }
 
     fn lines(&self, content: &mut Content<'_>) {
-        content.line(format_args!("photos    {}: {}", self.photos, self.method));
+        content.line(format_args!("method    {}, {} photos", self.method, self.photos));
         if let Some(error) = self.error() {
             let error = text::percent(error);
             content.line(format_args!("direct    within {error} % of the exact first bounce"));
@@ -150,6 +150,16 @@ impl Answer for Separated {
     /// The number of photos, including those that separate near from far light.
     fn photos(&self) -> usize {
         self.photos + self.near_far.as_ref().map_or(0, |near_far| near_far.photos)
+    }
+
+    fn headline(&self) -> String {
+        let share = Ratio::of(norm(&self.global), norm(&sum(&self.direct, &self.global)), 0.0);
+        let direct = match self.error() {
+            Some(error) => format!("; direct light within {}", percentage(error)),
+            None => String::new(),
+        };
+        let photos = if self.photos() > 0 { format!("{} photos", self.photos()) } else { "no photo".into() };
+        format!("global light is {} of the light under white{direct}; {photos}", percentage(share))
     }
 
     fn sentence(&self) -> String {
