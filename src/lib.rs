@@ -144,6 +144,7 @@ pub mod measure;
 pub mod observer;
 pub mod operator;
 pub mod paint;
+#[cfg(feature = "paper")]
 pub mod paper;
 pub mod render;
 pub mod report;

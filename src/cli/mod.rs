@@ -9,6 +9,8 @@ mod console;
 mod embedded_page;
 mod generated;
 mod info;
+#[cfg(not(feature = "paper"))]
+mod left_out;
 mod matrix;
 mod opener;
 mod opening;
@@ -17,6 +19,7 @@ mod paint;
 mod photo;
 mod plan;
 mod progress;
+#[cfg(feature = "paper")]
 mod reproduce;
 mod rig;
 mod runs;
@@ -57,7 +60,10 @@ enum Verb {
     Plan(asked::Asked<Plan, opening::Traced, ()>),
     Rig(rig::Args),
     Matrix(matrix::Args),
+    #[cfg(feature = "paper")]
     Reproduce(reproduce::Args),
+    #[cfg(not(feature = "paper"))]
+    Reproduce(left_out::Args),
     Labels(asked::Asked<WriteLabels, options::SourceArgs, ()>),
     Compare(compare::Args),
     Index(runs::IndexArgs),
@@ -115,7 +121,10 @@ pub fn main() -> ExitCode {
         Verb::Rig(args) => rig::run(args, &console),
         Verb::Plan(args) => plan::run(args, &console),
         Verb::Matrix(args) => matrix::run(args, &console),
+        #[cfg(feature = "paper")]
         Verb::Reproduce(args) => reproduce::run(args, &console),
+        #[cfg(not(feature = "paper"))]
+        Verb::Reproduce(args) => args.run(),
         Verb::Labels(args) => photo::labels(args, &console),
         Verb::Compare(args) => compare::run(args, &console),
         Verb::Index(args) => runs::index(args, &console),

@@ -2,8 +2,6 @@
 
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::time::Duration;
 
 use clap::ValueEnum;
 use serde_json::json;
@@ -11,7 +9,6 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::embedded_page;
-use super::opener;
 use super::opening::{Opening, in_journal};
 use super::options::{ChannelsArg, KeepArgs, SourceArgs, count, time};
 use super::trace::TraceArgs;
@@ -19,7 +16,9 @@ use crate::error::Result;
 use crate::io::atomic;
 use crate::lab::{Lab, byte_count};
 use crate::paint::page::{EmbedOptions, Kept, Precision};
-use crate::paint::{Canvas, Ended, Light, PageQuestion, ServeOptions, Session, serve};
+use crate::paint::{Canvas, Light, PageQuestion};
+#[cfg(feature = "paint")]
+use crate::paint::{Ended, ServeOptions, Session, serve};
 
 /// Paint patterns in a browser, and see the photo while the pen moves
 ///
@@ -124,6 +123,7 @@ fn kept(args: &EmbedArgs, canvas: &mut Canvas<'_>) -> Result<Kept> {
     Ok(Kept { groups: ask(groups)?, eigenvectors: ask(eigenvectors)? })
 }
 
+#[cfg(feature = "paint")]
 fn serve_page(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     if !args.listen.ip().is_loopback() {
         console.note(format_args!(
@@ -132,13 +132,18 @@ fn serve_page(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> 
         ));
     }
     let mut session = Session::new(Canvas::new(lab)?)?;
-    let idle = args.idle.map(|minutes| Duration::from_secs_f64(60.0 * minutes));
+    let idle = args.idle.map(|minutes| std::time::Duration::from_secs_f64(60.0 * minutes));
     let options = ServeOptions { listen: args.listen, idle };
     let mut said = Ok(());
     let ready = |url: &str| said = say_address(url, args, console);
     let notes = console.clone();
-    let ended =
-        serve(&mut session, &options, ready, || console.check(), Arc::new(move |line| notes.note(line)))?;
+    let ended = serve(
+        &mut session,
+        &options,
+        ready,
+        || console.check(),
+        std::sync::Arc::new(move |line| notes.note(line)),
+    )?;
     said?;
     let photos = session.photos();
     console.summary(&json!({ "verb": "paint", "photos": photos, "ended": ended == Ended::Idle }))?;
@@ -147,7 +152,14 @@ fn serve_page(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> 
     Ok(Outcome::Done)
 }
 
+#[cfg(not(feature = "paint"))]
+fn serve_page(_: &Args, _: &mut Lab, _: &Console) -> Result<Outcome> {
+    Err(crate::error::Error::option("paint", "this build of krylux has no server for the page")
+        .help("write the page to a file: -o paint.html; or build krylux with its default features"))
+}
+
 /// Prints the address of the page, and opens the page.
+#[cfg(feature = "paint")]
 fn say_address(url: &str, args: &Args, console: &Console) -> Result<()> {
     console.say(format_args!("page      {url}"))?;
     console.summary(&json!({ "verb": "paint", "url": url }))?;
@@ -159,7 +171,7 @@ fn say_address(url: &str, args: &Args, console: &Console) -> Result<()> {
     }
     console.say("          Ctrl-C ends it")?;
     if !args.no_browser && !is_remote {
-        opener::open_page(url, console);
+        super::opener::open_page(url, console);
     }
     Ok(())
 }

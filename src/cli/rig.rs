@@ -4,9 +4,6 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use clap::Subcommand;
-use serde_json::json;
-
 use super::Outcome;
 use super::asked::Asked;
 use super::console::Console;
@@ -29,6 +26,7 @@ use crate::report::viewer::{Plane, Viewer};
 use crate::verbs::rig::{
     Align, BenchRig, Calibrate, CheckBench, ListDevices, MeasureSheet, PreviewCamera, require_rig,
 };
+use clap::Subcommand;
 
 /// Measure and check the devices of a rig
 #[derive(clap::Args)]
@@ -256,7 +254,7 @@ impl DescribeCamera {
             let fault = format!("a camera of kind {} has no description, or no address is given", self.kind);
             Error::option("KIND", fault).help("give gige and an address, or usb3 and a serial number")
         };
-        console.summary(&json!(abilities.ok_or_else(unknown)??))?;
+        console.summary(&serde_json::json!(abilities.ok_or_else(unknown)??))?;
         Ok(Outcome::Done)
     }
 }

@@ -6,7 +6,6 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 use png::{BitDepth, ColorType, Transformations};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
@@ -18,7 +17,16 @@ pub(crate) enum Format {
     Png,
     Jpeg,
     /// WebP, BMP, GIF or TGA.
-    Other(ImageFormat),
+    Other(OtherFormat),
+}
+
+/// A format that only textures use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum OtherFormat {
+    WebP,
+    Bmp,
+    Gif,
+    Tga,
 }
 
 pub(crate) struct DecodedImage {
@@ -43,12 +51,12 @@ impl Format {
         } else if bytes.starts_with(&[0xff, 0xd8, 0xff]) {
             Some(Self::Jpeg)
         } else if bytes.starts_with(b"GIF8") {
-            Some(Self::Other(ImageFormat::Gif))
+            Some(Self::Other(OtherFormat::Gif))
         } else if bytes.starts_with(b"BM") && bytes.get(6..10) == Some(&[0; 4]) {
             // The letters `BM` alone are not sufficient, so the four reserved bytes must also be zero.
-            Some(Self::Other(ImageFormat::Bmp))
+            Some(Self::Other(OtherFormat::Bmp))
         } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
-            Some(Self::Other(ImageFormat::WebP))
+            Some(Self::Other(OtherFormat::WebP))
         } else {
             None
         }
@@ -57,7 +65,7 @@ impl Format {
     /// The format of a file whose first bytes do not identify it: TGA, recognized by the name of the file.
     pub(crate) fn of_name(name: &Path) -> Option<Self> {
         let is_tga = name.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("tga"));
-        is_tga.then_some(Self::Other(ImageFormat::Tga))
+        is_tga.then_some(Self::Other(OtherFormat::Tga))
     }
 
     pub(crate) fn size(self, bytes: &[u8]) -> Result<(u32, u32), String> {
@@ -68,10 +76,7 @@ impl Format {
                 Ok((info.width, info.height))
             }
             Self::Jpeg => jpeg_size(&open_jpeg(bytes, ColorSpace::RGB)?),
-            Self::Other(format) => {
-                let reader = ImageReader::with_format(Cursor::new(bytes), format);
-                reader.into_dimensions().map_err(|error| error.to_string())
-            }
+            Self::Other(format) => other::size(format, bytes),
         }
     }
 
@@ -80,7 +85,7 @@ impl Format {
         match self {
             Self::Png => decode_png(bytes, max_bytes),
             Self::Jpeg => decode_jpeg(bytes, max_bytes),
-            Self::Other(format) => decode_other(format, bytes, max_bytes),
+            Self::Other(format) => other::decode(format, bytes, max_bytes),
         }
     }
 }
@@ -164,24 +169,71 @@ fn decode_jpeg(bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
     Ok(DecodedImage { width, height, channels, samples: Samples::Eight(samples) })
 }
 
-/// Decodes a file of one of the other formats, which all have 8-bit samples.
-fn decode_other(format: ImageFormat, bytes: &[u8], max_bytes: usize) -> Result<DecodedImage, String> {
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(max_bytes as u64);
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    reader.limits(limits);
-    let picture = reader.decode().map_err(|error| error.to_string())?;
-    let (width, height) = (picture.width(), picture.height());
-    let (channels, samples) = match picture {
-        DynamicImage::ImageLuma8(gray) => (1, gray.into_raw()),
-        DynamicImage::ImageLumaA8(gray) => (2, gray.into_raw()),
-        DynamicImage::ImageRgb8(color) => (3, color.into_raw()),
-        other => (4, other.into_rgba8().into_raw()),
-    };
-    if samples.len() > max_bytes {
-        return Err("the picture is too large".into());
+/// The decoders of the formats that only textures use. All have 8-bit samples.
+#[cfg(feature = "pictures")]
+mod other {
+    use std::io::Cursor;
+
+    use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+
+    use super::{DecodedImage, OtherFormat, Samples};
+
+    fn reader(format: OtherFormat, bytes: &[u8]) -> ImageReader<Cursor<&[u8]>> {
+        let format = match format {
+            OtherFormat::WebP => ImageFormat::WebP,
+            OtherFormat::Bmp => ImageFormat::Bmp,
+            OtherFormat::Gif => ImageFormat::Gif,
+            OtherFormat::Tga => ImageFormat::Tga,
+        };
+        ImageReader::with_format(Cursor::new(bytes), format)
     }
-    Ok(DecodedImage { width, height, channels, samples: Samples::Eight(samples) })
+
+    pub(super) fn size(format: OtherFormat, bytes: &[u8]) -> Result<(u32, u32), String> {
+        reader(format, bytes).into_dimensions().map_err(|error| error.to_string())
+    }
+
+    pub(super) fn decode(
+        format: OtherFormat,
+        bytes: &[u8],
+        max_bytes: usize,
+    ) -> Result<DecodedImage, String> {
+        let mut limits = Limits::default();
+        limits.max_alloc = Some(max_bytes as u64);
+        let mut reader = reader(format, bytes);
+        reader.limits(limits);
+        let picture = reader.decode().map_err(|error| error.to_string())?;
+        let (width, height) = (picture.width(), picture.height());
+        let (channels, samples) = match picture {
+            DynamicImage::ImageLuma8(gray) => (1, gray.into_raw()),
+            DynamicImage::ImageLumaA8(gray) => (2, gray.into_raw()),
+            DynamicImage::ImageRgb8(color) => (3, color.into_raw()),
+            other => (4, other.into_rgba8().into_raw()),
+        };
+        if samples.len() > max_bytes {
+            return Err("the picture is too large".into());
+        }
+        Ok(DecodedImage { width, height, channels, samples: Samples::Eight(samples) })
+    }
+}
+
+/// Stands in for the decoders in a build without them.
+#[cfg(not(feature = "pictures"))]
+mod other {
+    use super::{DecodedImage, OtherFormat};
+
+    fn left_out(format: OtherFormat) -> String {
+        format!(
+            "this build of krylux reads no {format:?}: build it with its default features, or convert the picture to PNG"
+        )
+    }
+
+    pub(super) fn size(format: OtherFormat, _: &[u8]) -> Result<(u32, u32), String> {
+        Err(left_out(format))
+    }
+
+    pub(super) fn decode(format: OtherFormat, _: &[u8], _: usize) -> Result<DecodedImage, String> {
+        Err(left_out(format))
+    }
 }
 
 fn jpeg_size(header: &JpegDecoder<ZCursor<&[u8]>>) -> Result<(u32, u32), String> {
@@ -270,11 +322,11 @@ mod tests {
         // GIF has a palette, with at most one transparent colour.
         let gif = [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [0, 0, 0, 0]];
         let other = [[1, 2, 3, 255], [40, 50, 60, 255], [255, 128, 0, 255], [9, 8, 7, 255]];
-        for (format, name, texels) in [
-            (ImageFormat::WebP, "a.webp", other),
-            (ImageFormat::Bmp, "a.bmp", other),
-            (ImageFormat::Gif, "a.gif", gif),
-            (ImageFormat::Tga, "a.TGA", other),
+        for (format, of, name, texels) in [
+            (ImageFormat::WebP, OtherFormat::WebP, "a.webp", other),
+            (ImageFormat::Bmp, OtherFormat::Bmp, "a.bmp", other),
+            (ImageFormat::Gif, OtherFormat::Gif, "a.gif", gif),
+            (ImageFormat::Tga, OtherFormat::Tga, "a.TGA", other),
         ] {
             let mut file = Cursor::new(Vec::new());
             let samples = texels.as_flattened();
@@ -282,7 +334,7 @@ mod tests {
                 .expect("each holds RGBA");
             let file = file.into_inner();
             let found = Format::of(&file).or_else(|| Format::of_name(Path::new(name)));
-            assert_eq!(found, Some(Format::Other(format)), "{name}");
+            assert_eq!(found, Some(Format::Other(of)), "{name}");
             let found = found.expect("it was just compared");
             assert_eq!(found.size(&file), Ok((2, 2)), "{name}");
             let decoded = found.decode(&file, 1 << 10).expect("it is a whole picture");

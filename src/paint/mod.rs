@@ -5,15 +5,21 @@
 //! passes messages between session and browsers. [`page`] makes the page: either a page that needs the server, or one file with the matrix.
 
 mod canvas;
+#[cfg(feature = "paint")]
 mod connection;
 mod embedded;
+#[cfg(feature = "paint")]
 mod message;
 pub mod page;
 mod question;
+#[cfg(feature = "paint")]
 mod server;
+#[cfg(feature = "paint")]
 mod session;
 
 pub use canvas::{Canvas, Light};
 pub use question::{PageAnswer, PageQuestion};
+#[cfg(feature = "paint")]
 pub use server::{Ended, ServeOptions, serve};
+#[cfg(feature = "paint")]
 pub use session::Session;

@@ -1,7 +1,6 @@
 //! The page as HTML: either a page that sends requests to the server, or one file that contains the matrix.
 
 use askama::Template;
-use hyper::body::Bytes;
 use serde_json::{Value, json};
 
 use super::canvas::Canvas;
@@ -45,10 +44,11 @@ pub(super) const WORKER: [Module; 4] = [
 ];
 
 /// The page that a server sends for a canvas. Its scripts have the attribute `nonce`.
-pub(super) fn served(canvas: &mut Canvas<'_>, nonce: &str) -> Result<Bytes> {
+#[cfg(feature = "paint")]
+pub(super) fn served(canvas: &mut Canvas<'_>, nonce: &str) -> Result<String> {
     let about =
         "Everything that is painted here stays on this machine and the server that printed this address.";
-    Ok(Bytes::from(page(&describe(canvas)?, about, Some(nonce), "")?))
+    page(&describe(canvas)?, about, Some(nonce), "")
 }
 
 #[derive(Template)]

@@ -105,7 +105,7 @@ pub fn serve(
     let shared = Arc::new(ServerState {
         mailbox: Mailbox::default(),
         outboxes: Outboxes::default(),
-        page: served(canvas, guard.nonce())?,
+        page: Bytes::from(served(canvas, guard.nonce())?),
         sizes: Sizes { channels: canvas.channels(), pixels: canvas.projector().pixels() },
         guard,
         clients: AtomicU64::new(0),

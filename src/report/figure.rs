@@ -55,6 +55,7 @@ pub(crate) fn sequential(
 }
 
 /// The number of each pixel's group.
+#[cfg(feature = "paper")]
 pub(crate) fn labels(size: Resolution, labels: &[u8], caption: impl Into<String>) -> Result<Figure> {
     let painted = (paint_labels(size, labels), Legend::of_labels(labels));
     figure(painted, Values::of_labels(size, labels), caption)

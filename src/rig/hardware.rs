@@ -10,8 +10,8 @@ use std::{fmt, io};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Camera, CameraInfo, CameraKind, CameraSpec, Devices, Gphoto2, Helper, ProjectorInfo, Stamp, WallClock,
-    X11Projector, X11Spec, attached, camera_fault, number,
+    Camera, CameraInfo, CameraSpec, Devices, Gphoto2, Helper, ProjectorInfo, Stamp, WallClock, X11Projector,
+    X11Spec, attached, camera_fault, number,
 };
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -75,11 +75,11 @@ impl HardwareRig {
 fn camera(spec: &CameraSpec, clock: WallClock, after: u64) -> Result<Box<dyn Camera>> {
     Ok(match spec {
         #[cfg(feature = "gige")]
-        CameraSpec::Genicam(spec) if spec.kind == CameraKind::Gige => {
+        CameraSpec::Genicam(spec) if spec.kind == super::CameraKind::Gige => {
             Box::new(super::GigeVision::open(spec, clock, after)?)
         }
         #[cfg(feature = "usb3")]
-        CameraSpec::Genicam(spec) if spec.kind == CameraKind::Usb3 => {
+        CameraSpec::Genicam(spec) if spec.kind == super::CameraKind::Usb3 => {
             Box::new(super::Usb3Vision::open(spec, clock, after)?)
         }
         CameraSpec::Genicam(spec) => return Err(spec.kind.not_built()),

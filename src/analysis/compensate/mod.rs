@@ -21,6 +21,7 @@ mod target;
 pub use by_model::{Photograph, compensate_by_model};
 pub use compare::{Clamping, MethodRun, compare_methods};
 pub use crosstalk::Crosstalk;
+#[cfg(feature = "paper")]
 pub(crate) use mixture::Mixture;
 pub use options::{CompensateOptions, Precondition};
 pub use target::Target;
