@@ -17,8 +17,8 @@ pub(crate) struct Setting {
     pub(crate) choices: Vec<String>,
 }
 
-/// Parses the cameras that `gphoto2 --auto-detect` prints. The output has a heading, a line of dashes, and a line for each camera with its
-/// model and port, separated by spaces.
+/// Parses the list of cameras that `gphoto2 --auto-detect` prints. The output has a heading, a line of dashes, and a line for each camera
+/// with its model and port, separated by spaces.
 pub(crate) fn cameras(answer: &[u8]) -> Vec<FoundStillCamera> {
     let text = String::from_utf8_lossy(answer);
     let rows = text.lines().skip_while(|line| !line.starts_with("---")).skip(1);
@@ -86,8 +86,9 @@ pub(crate) struct Gray {
     pub(crate) counts: Vec<u16>,
 }
 
-/// Reads a PGM (`P5`): width, height and the highest count as text, with comments between them, one white space, and the counts. A count
-/// has one byte, or two bytes (high byte first) if the highest count is 256 or more. `None`: the bytes are invalid or end too early.
+/// Reads a PGM (`P5`). The file has width, height and the highest count as text (comments may separate them), one white-space character,
+/// and the counts. A count has one byte, or two bytes (high byte first) if the highest count is 256 or more. `None`: the bytes are invalid
+/// or end too early.
 pub(crate) fn read_pgm(bytes: &[u8]) -> Option<Gray> {
     let mut rest = bytes.strip_prefix(b"P5")?;
     let mut next = || -> Option<usize> {

@@ -42,7 +42,7 @@ impl VirtualCamera {
     }
 }
 
-/// The photo pixels that each camera pixel sees, with their weights.
+/// For each camera pixel, the pixels of the simulated input photo that it averages, with weights.
 pub(crate) struct Optics(Vec<Vec<(u32, f64)>>);
 
 impl Optics {
@@ -69,7 +69,7 @@ impl Optics {
     }
 }
 
-/// The photo pixels that a camera pixel sees, with their weights, ordered by pixel.
+/// The photo pixels that camera pixel `pixel` averages, in ascending order, with weights.
 fn row(
     pixel: usize,
     camera: Resolution,
@@ -96,7 +96,7 @@ fn row(
     runs.map(|run| (run[0].0, weight * run.iter().map(|share| share.1).sum::<f64>())).collect()
 }
 
-/// Adds to `shares`, for each photo pixel, the share of the area of a rectangle (with the centre `middle`) that lies in this pixel.
+/// Adds to `shares`, for each photo pixel, the fraction of a rectangle's area that lies in the pixel. The rectangle's centre is `middle`.
 fn share_out(middle: [f64; 2], sides: [f64; 2], photo: Resolution, shares: &mut Vec<(u32, f64)>) {
     let ends = [photo.width as f64, photo.height as f64];
     let spans = [0, 1].map(|axis| {

@@ -38,7 +38,7 @@ pub(crate) struct VirtualWorld {
     pub(crate) screen: VirtualScreen,
     pub(crate) sensor: VirtualSensor,
     pub(crate) own_light: SeenLight,
-    /// The light of an ambient level of 1.
+    /// The light on the sensor at an ambient level of 1.
     pub(crate) ambient_unit: f64,
     pub(crate) exposure: f64,
     /// The time on the rig's clock, in seconds.
@@ -271,7 +271,7 @@ impl Pulse {
         }
         let colours = if self.wheel { 3.0 } else { 1.0 };
         let begins = colour as f64 / colours;
-        // The light emitted since time 0, in periods of steady light.
+        // The light emitted since time 0, divided by the light that a steady source emits in one period.
         let emitted = |time: f64| {
             let turns = time / self.period;
             turns.floor() + ((turns - turns.floor() - begins) * colours / self.duty).clamp(0.0, 1.0)
