@@ -14,7 +14,7 @@ const LOST: &str = "run it again: the driver has reset the device, or its memory
 /// The value of [`AdapterSummary::kind`] for an adapter that is the processor itself.
 const SOFTWARE: &str = "software";
 
-/// The share of the memory granted by a GPU's driver that this process may use, in per cent. Larger allocations fail as out of memory,
+/// The fraction of the memory granted by a GPU's driver that this process may use, in per cent. Larger allocations fail as out of memory,
 /// before the driver starts to evict data.
 const MEMORY_SHARE: u8 = 80;
 
@@ -78,8 +78,8 @@ pub(crate) struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     pub(crate) summary: AdapterSummary,
-    /// Whether the device is the processor itself, so that the host reads results in place. (A host could also read in place from a GPU
-    /// that shares its memory; it was not measured whether this is faster.)
+    /// Whether the device is the processor itself, so that the host reads results in place. A GPU that shares the host's memory would also
+    /// allow this, but it was not measured whether it is faster.
     pub(crate) shares_memory: bool,
     pub(crate) compiled: Option<Compiled>,
     /// The driver's reason, if the device was lost or failed outside of [`Gpu::guarded`].
@@ -298,8 +298,8 @@ impl Compiled {
 #[allow(unsafe_code, reason = "wgpu cannot know where the bytes come from; whoever keeps them checks that")]
 fn open(device: &wgpu::Device, data: Option<&[u8]>) -> wgpu::PipelineCache {
     let description = wgpu::PipelineCacheDescriptor { label: Some("krylux"), data, fallback: true };
-    // SAFETY: `data` comes from `Compiled::data`. The folder of the cache belongs to its user, and a checksum shows accidents. wgpu
-    // compares device and driver.
+    // SAFETY: `data` comes from `Compiled::data`. The folder of the cache belongs to its user, and a checksum detects accidental changes.
+    // wgpu compares device and driver.
     unsafe { device.create_pipeline_cache(&description) }
 }
 

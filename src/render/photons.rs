@@ -36,8 +36,9 @@ pub(super) struct PhotonMap {
 pub struct Gather {
     /// Number of chains traced from each pixel.
     pub photons: u32,
-    /// The radius of the density estimate, in units of a median over all photons: the median radius of a disc with the area of a pixel's
-    /// footprint through the photon's chain. A smaller radius reduces the bias and increases the variance.
+    /// The radius of the density estimate, relative to the typical footprint of a pixel. Each photon has a disc with the area of a pixel's
+    /// footprint through the photon's chain, and the unit is the median radius of these discs. A smaller radius reduces the bias and
+    /// increases the variance.
     pub radius: f32,
 }
 

@@ -228,7 +228,7 @@ mod tests {
         let wide = b"P5\n# by hand\n2 2 # and here\n65535\n\x00\x01\x3f\xff\xff\xff\x12\x34";
         let found = read_pgm(wide).expect("it is one");
         assert_eq!(found, Gray { size: [2, 2], counts: vec![1, 16383, 65535, 0x1234] });
-        // A byte of a count may look like white space. Counts are not scaled to the highest count.
+        // A count may have the byte of a white-space character. Counts are not scaled to the highest count.
         assert_eq!(read_pgm(b"P5 3 1 15\n\n\x0f\x01").expect("it is one").counts, [10, 15, 1]);
         assert_eq!(found.part([1, 2], [1, 0]), Some(vec![16383, 0x1234]));
         assert_eq!(found.part([2, 1], [1, 0]), None);

@@ -254,8 +254,8 @@ mod tests {
         let spec = VirtualProjector { vignetting: 0.2, ..VirtualProjector::default() };
         let resolution = Resolution::new(401, 301);
         let light = VirtualScreen::new(&spec, resolution).emit(&Frame::filled(resolution, 1, 255)).plane(0);
-        // The centre of the corner pixel lies half a pixel inside the corner. This is less than 1 in 200 of the distance, and less than 1
-        // in 100 of its square.
+        // The centre of the corner pixel lies half a pixel inside the corner. This lowers its distance from the middle by less than 1 in
+        // 200, and the square by less than 1 in 100.
         assert!((light[0] - 0.8).abs() < 0.2 * 0.012 && light[150 * 401 + 200] == 1.0);
     }
 

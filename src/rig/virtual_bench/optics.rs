@@ -16,8 +16,8 @@ use crate::transport::{Transport, luminance};
 const SUB_PIXELS: usize = 4;
 
 impl VirtualCamera {
-    /// Maps the point `[x, y]` that should be seen to the point that is seen, both in pixels of the photo `raster` from its top left corner.
-    /// The result is not finite if a homography maps the point to infinity.
+    /// Maps the point `[x, y]` that should be seen to the point that is seen, both in pixels of the photo `raster` from its top left
+    /// corner. The result is not finite if a homography maps the point to infinity.
     ///
     /// Without misregistration, the camera raster and the photo raster cover the same field. A point of the camera raster then lies at a
     /// point `q` of the photo raster, in projector pixels. With misregistration, the camera point sees `H(c + (q − c)(1 + k₁ r²))`, where
@@ -136,7 +136,7 @@ pub(crate) type SeenLight = Vec<Vec<f64>>;
 pub(crate) struct View {
     transport: Box<dyn Transport + Send>,
     optics: Optics,
-    /// The share of the light that forms the splitter's second image, and the optics of this image.
+    /// The fraction of the light that forms the splitter's second image, and the optics of this image.
     ghost: Option<(f64, Optics)>,
     blur: Option<Blur>,
     /// Stray light in each camera channel, for a pattern with a mean light of 1.

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::did_you_mean;
 
-/// The share of full scale by which a gamma ramp may deviate from a straight line: half of an 8-bit level.
+/// The fraction of full scale by which a gamma ramp may deviate from a straight line: half of an 8-bit level.
 const RAMP_TOLERANCE: f64 = 0.5 / 255.0;
 
 /// Lists the monitors of a server in the server's order. `display` has the meaning of [`X11Spec::display`].
