@@ -235,7 +235,7 @@ fn require_address_space(limit: Option<u64>) -> Result<()> {
     }
 }
 
-/// The adapter whose name contains `wanted`; for `None`, the first adapter. If several adapters have the same name, `turn` selects one
+/// The adapter whose name contains `wanted`; for `None`, the first adapter. If several adapters have this name, `turn` selects one
 /// cyclically.
 fn choose(wanted: Option<&str>, turn: usize, share: Option<u8>) -> Result<wgpu::Adapter> {
     let adapters = enumerate(share)?;
@@ -264,15 +264,15 @@ fn place(names: &[String], wanted: Option<&str>, turn: usize) -> Option<usize> {
 #[derive(Clone)]
 pub(crate) struct Compiled {
     cache: wgpu::PipelineCache,
-    /// The number of bytes of a store without kernels. If the driver never returns more, there is nothing to keep.
+    /// The number of bytes of a cache without kernels. If the driver never returns more, there is nothing to keep.
     empty: usize,
     /// The hash of the restored kernels. If the hash has not changed, there are no new kernels to keep.
     restored: Option<blake3::Hash>,
 }
 
 impl Compiled {
-    /// A store on this device, with the kernels in `data` if an equal device and driver compiled them. `None` if the driver has no such
-    /// store.
+    /// A pipeline cache on this device, with the kernels in `data` if an equal device and driver compiled them. `None` if the driver has no
+    /// such cache.
     ///
     /// `data` must come from [`Compiled::data`], because the driver may trust it without checks.
     pub(crate) fn restore(device: &wgpu::Device, data: Option<&[u8]>) -> Option<Self> {

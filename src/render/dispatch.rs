@@ -148,8 +148,8 @@ impl DispatchSizer {
             return;
         };
         let factor = TARGET.as_secs_f64() / elapsed.as_secs_f64().max(1e-6);
-        // In a dispatch smaller than the target (the last one of a trace, or one at the capacity), overhead dominates. Its time can only
-        // show that the target is too large.
+        // In a dispatch smaller than the target (the last one of a trace, or one at the capacity), overhead dominates. The time of such a
+        // dispatch can only show that the target is too large.
         if paths < target && factor >= 1.0 {
             return;
         }

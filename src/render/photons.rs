@@ -219,7 +219,7 @@ const MAX_BUCKET: usize = 512;
 struct Grid {
     /// Number of buckets, a power of two, minus 1.
     mask: u32,
-    /// The first photon of each bucket, and the end of the last bucket.
+    /// The first photon of each bucket, then the end of the last bucket, and the end of the copy of the first bucket.
     start: Vec<u32>,
     photons: Vec<Photon>,
 }

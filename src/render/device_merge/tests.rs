@@ -34,7 +34,7 @@ fn layout(samples: u32, direct: bool, gathers: bool) -> RecordLayout {
     }
 }
 
-/// Records of paths that end at some of `others`. One of `every` connections counts.
+/// Random records of paths. On average, one in `every` slots holds a connection, which ends at a pixel of `others`.
 fn records(
     random: &mut Pcg64,
     layout: &RecordLayout,

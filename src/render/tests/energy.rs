@@ -157,7 +157,7 @@ fn white_dielectrics_reflect_no_more_than_they_receive() {
         // White dielectrics lose little light, only what facets hide from each other at grazing incidence.
         assert!(low > 0.5, "α {alpha}: {low}");
         assert!(range(&gpu, &white, 0.5).0 > 0.95, "α {alpha}");
-        // Without reflectance at normal incidence, the coat comes closest to its bound.
+        // Without reflectance at normal incidence, the coat's reflectance comes closest to its upper bound (guide/src/right/bsdf.md).
         let (_, high) = range(&gpu, &Bsdf { f0: glam::Vec3::ZERO, ..white }, 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}, index 1: {high}");
     }

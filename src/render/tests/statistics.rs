@@ -105,7 +105,7 @@ fn counts_that_fit_too_badly_fail() {
 /// The azimuth of all outgoing directions. Its value is arbitrary, because no result may depend on it.
 const AZIMUTH: f64 = 2.2;
 
-/// Bins by `(hemisphere, ring, sector)`. They are fine in directions in which a glossy lobe may be narrow.
+/// Bins by `(hemisphere, ring, sector)`. They are small in directions in which a glossy lobe may be narrow.
 ///
 /// Rings are equally spaced in `t = √(1 − |cosθ|)`, which is linear in `θ` around the normal. Sectors are equally spaced in `s = ∛(φ/π)`
 /// from −1 to 1. The azimuth `φ` is measured from the mirror direction, which is also the azimuth of transmitted light. At grazing

@@ -172,7 +172,7 @@ impl View {
         Ok(Self { transport, optics, ghost, blur, stray, channels, crosstalk, unlit })
     }
 
-    /// Sets the stray light of `pattern` to this `share` of the mean of `white`, which is the light of `pattern` without stray light.
+    /// Scales the stray light so that `pattern` gives the fraction `share` of the mean of `white`, which is its light without stray light.
     pub(crate) fn set_stray(&mut self, share: f64, pattern: &Image, white: &SeenLight) {
         let means = self.means(pattern);
         self.stray = means
