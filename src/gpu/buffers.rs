@@ -113,7 +113,7 @@ impl Gpu {
     }
 }
 
-/// The buffer of a kernel's results, with a staging buffer if the host cannot read the first buffer. Clones share the buffers.
+/// The buffer of a kernel's results, with a staging buffer if the host cannot read results in place. Clones share the buffers.
 #[derive(Clone)]
 pub(crate) struct Results {
     pub(crate) buffer: wgpu::Buffer,
@@ -138,7 +138,8 @@ impl Results {
         })
     }
 
-    /// Submits `encoder`. If there is a staging buffer, a copy of the first `bytes` to it follows. Call it within [`Gpu::guarded`].
+    /// Submits `encoder`, followed by a copy of the first `bytes` to the staging buffer, if there is one. Must be called within
+    /// [`Gpu::guarded`].
     pub(crate) fn submit(
         &self,
         gpu: &Gpu,
@@ -156,11 +157,11 @@ impl Results {
         }
     }
 
-    /// Requests the first `bytes` as they are after `submission`.
+    /// Requests the first `bytes` of the results as they are after `submission`.
     pub(crate) fn request(&self, bytes: u64, submission: wgpu::SubmissionIndex) -> Readback {
         let (sender, mapped) = std::sync::mpsc::channel();
         self.readable().map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
-            // The receiver no longer exists after an interruption.
+            // Sending fails if an interruption has dropped the receiver, which is harmless.
             let _ = sender.send(outcome);
         });
         Readback { submission, mapped, bytes }

@@ -14,7 +14,7 @@ const LOST: &str = "run it again: the driver has reset the device, or its memory
 /// The value of [`AdapterSummary::kind`] for an adapter that is the processor itself.
 const SOFTWARE: &str = "software";
 
-/// The share of the memory granted by a GPU's driver that this process may use, in per cent. Larger allocations fail as out of memory,
+/// The fraction of the memory granted by a GPU's driver that this process may use, in per cent. Larger allocations fail as out of memory,
 /// before the driver starts to evict data.
 const MEMORY_SHARE: u8 = 80;
 
@@ -78,8 +78,8 @@ pub(crate) struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     pub(crate) summary: AdapterSummary,
-    /// Whether the device is the processor itself, so that the host reads results in place. (A host could also read in place from a GPU
-    /// that shares its memory; it was not measured whether this is faster.)
+    /// Whether the device is the processor itself, so that the host reads results in place. A GPU that shares the host's memory would also
+    /// allow this, but it was not measured whether it is faster.
     pub(crate) shares_memory: bool,
     pub(crate) compiled: Option<Compiled>,
     /// The driver's reason, if the device was lost or failed outside of [`Gpu::guarded`].
@@ -235,7 +235,7 @@ fn require_address_space(limit: Option<u64>) -> Result<()> {
     }
 }
 
-/// The adapter whose name contains `wanted`; for `None`, the first adapter. If several adapters have the same name, `turn` selects one
+/// The adapter whose name contains `wanted`; for `None`, the first adapter. If several adapters have this name, `turn` selects one
 /// cyclically.
 fn choose(wanted: Option<&str>, turn: usize, share: Option<u8>) -> Result<wgpu::Adapter> {
     let adapters = enumerate(share)?;
@@ -264,15 +264,15 @@ fn place(names: &[String], wanted: Option<&str>, turn: usize) -> Option<usize> {
 #[derive(Clone)]
 pub(crate) struct Compiled {
     cache: wgpu::PipelineCache,
-    /// The number of bytes of a store without kernels. If the driver never returns more, there is nothing to keep.
+    /// The number of bytes of a cache without kernels. If the driver never returns more, there is nothing to keep.
     empty: usize,
     /// The hash of the restored kernels. If the hash has not changed, there are no new kernels to keep.
     restored: Option<blake3::Hash>,
 }
 
 impl Compiled {
-    /// A store on this device, with the kernels in `data` if an equal device and driver compiled them. `None` if the driver has no such
-    /// store.
+    /// A pipeline cache on this device, with the kernels in `data` if an equal device and driver compiled them. `None` if the driver has no
+    /// such cache.
     ///
     /// `data` must come from [`Compiled::data`], because the driver may trust it without checks.
     pub(crate) fn restore(device: &wgpu::Device, data: Option<&[u8]>) -> Option<Self> {
@@ -298,8 +298,8 @@ impl Compiled {
 #[allow(unsafe_code, reason = "wgpu cannot know where the bytes come from; whoever keeps them checks that")]
 fn open(device: &wgpu::Device, data: Option<&[u8]>) -> wgpu::PipelineCache {
     let description = wgpu::PipelineCacheDescriptor { label: Some("krylux"), data, fallback: true };
-    // SAFETY: `data` comes from `Compiled::data`. The folder of the cache belongs to its user, and a checksum shows accidents. wgpu
-    // compares device and driver.
+    // SAFETY: `data` comes from `Compiled::data`. The folder of the cache belongs to its user, and a checksum detects accidental changes.
+    // wgpu compares device and driver.
     unsafe { device.create_pipeline_cache(&description) }
 }
 

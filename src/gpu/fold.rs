@@ -1,4 +1,5 @@
-//! Constant folding of shaders. It removes branches that are never taken, because of constants, and all code that only these branches use.
+//! Constant folding of shaders. If constants decide that a branch is never taken, the branch is removed, and all code that only such
+//! branches use.
 //!
 //! Drivers also fold constants, but only after they have translated the whole shader. For a scene of plain surfaces, this took the software
 //! Vulkan driver 0.12 s, even with compiled kernels in its cache. With folding here, it takes 0.03 s.

@@ -62,8 +62,8 @@ impl<'a> Batch<'a> {
         Self::merged(first_path, layout, records.len() / layout.stride(), (records, None))
     }
 
-    /// A batch of `paths` paths whose connections the device has merged into the terms `merged`. `records` holds at least the paths' first
-    /// slots, and those of ambient light.
+    /// A batch of `paths` paths whose connections the device has merged into the terms `merged`. `records` holds at least the first slots
+    /// of the paths, and their slots of ambient light.
     pub(super) fn merged(
         first_path: u64,
         layout: RecordLayout,
@@ -225,7 +225,7 @@ pub(super) struct RecordLayout {
     pub(super) max_bounces: u32,
     /// The connection from the first surface is the direct light, and is stored in the head of the record instead of a slot.
     pub(super) direct: bool,
-    /// The record has gathered connections, which pass through specular chains of the other endpoint.
+    /// The record has gathered connections, which reach the other endpoint along the specular chains of photons.
     pub(super) gathers: bool,
     pub(super) ambient: bool,
     /// The rig is coaxial: camera and projector are one lens.

@@ -18,14 +18,14 @@ const TARGET: Duration = Duration::from_millis(100);
 /// The maximum number of bytes of records that a dispatch writes. So many paths keep a GPU busy.
 const RECORD_BYTES: u64 = 64 << 20;
 
-/// The same limit for a device that is the processor itself. The processor's caches should hold the records.
+/// The same maximum for a device that is the processor itself. The processor's caches should hold the records.
 const RECORD_BYTES_IN_CACHE: u64 = 8 << 20;
 
 /// The maximum number of paths of one dispatch: 65,535 workgroups of 64.
 pub(super) const MAX_PATHS: u32 = 65_535 * 64;
 
 /// The maximum number of surfaces that all paths of one invocation hit together. Software Vulkan stops an invocation after 65,535 loop
-/// iterations. Even in a scene of a million triangles, an invocation reached a thousand surfaces within this limit.
+/// iterations. Even in a scene of a million triangles, an invocation reached a thousand surfaces within these iterations.
 const SURFACES_OF_INVOCATION: u32 = 384;
 
 const MAX_PATHS_PER_INVOCATION: u32 = 64;
@@ -148,8 +148,8 @@ impl DispatchSizer {
             return;
         };
         let factor = TARGET.as_secs_f64() / elapsed.as_secs_f64().max(1e-6);
-        // In a dispatch smaller than the target (the last one of a trace, or one at the capacity), overhead dominates. Its time can only
-        // show that the target is too large.
+        // In a dispatch smaller than the target (the last one of a trace, or one at the capacity), overhead dominates. The time of such a
+        // dispatch can only show that the target is too large.
         if paths < target && factor >= 1.0 {
             return;
         }
@@ -161,8 +161,8 @@ impl DispatchSizer {
 /// The number of loop iterations after which software Vulkan ends an invocation without an error.
 const MAX_ITERATIONS: usize = 65_535;
 
-/// The minimum number of triangles in one place that counts as the reason. It is smaller than the limit of iterations, because a path of
-/// several bounces passes the place several times.
+/// If at least this many triangles lie in one place, the error names them as the reason. The number is smaller than the limit of
+/// iterations, because a path of several bounces passes the place several times.
 const PILE: usize = MAX_ITERATIONS / 16;
 
 /// The scene's diagonal, divided by the smallest distance at which two places count as different.

@@ -85,7 +85,8 @@ fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
         m.metallic == 0.0 && m.specular == 0.0 && !m.lets_light_through() && m.alpha_mode == AlphaMode::Opaque
     };
     let transmits = scene.materials.iter().any(Material::lets_light_through);
-    // A rough surface has microfacets if its normal is turned or it borders on a medium. Textures cannot make a surface rougher.
+    // A rough surface needs microfacets if it is not matte, if its normal may be turned, or if it may border on a medium. Textures cannot
+    // make a surface rougher.
     let facets = |m: &Material| m.roughness * m.roughness >= MIN_ALPHA && (corners || transmits || !matte(m));
     SceneFeatures {
         // Normals at the corners turn even the shading normal of a Lambertian surface.
@@ -177,15 +178,16 @@ fn pack_corners(triangle: &Triangle, frame: &CameraFrame) -> [[[u32; 4]; 2]; 3] 
     })
 }
 
-/// The share of the camera's view whose distance determines the unit.
+/// The fraction of the surfaces, nearest first, whose distance determines the unit.
 const NEAR: f64 = 0.25;
 
 /// The tracer's unit of length, a power of two of metres.
 ///
-/// Offsets of rays, products of lengths and hidden thresholds are suited to distances of about 1. Therefore all geometry on the device has
-/// a unit that suits the scene. The camera sees a quarter of the surfaces within a certain distance, and the unit is the power of two of
-/// this distance. Ray offsets on far surfaces follow from the coordinates there, so a small unit does not harm far surfaces. A large unit
-/// would harm near surfaces. Photos of a scene that is `2^k` times as large have the same bits, times `2^-2k`.
+/// Offsets of rays, products of lengths and thresholds in the code are suited to distances of about 1. Therefore all geometry on the device
+/// has a unit that suits the scene. A quarter of the surfaces, measured by solid angle at the camera, lies within a certain distance. The
+/// unit is this distance, rounded down to a power of two. Ray offsets on far surfaces follow from the coordinates there, so a small unit
+/// does not harm far surfaces. A large unit would harm near surfaces. Photos of a scene that is `2^k` times as large have the same bits,
+/// times `2^-2k`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Unit {
     pub(super) metres: f64,

@@ -149,7 +149,8 @@ impl<'a> StrategyRun<'a> {
         };
         let output = summary.dispatches as usize % self.outputs.len();
         let start = Instant::now();
-        // If the device merges paths, the host reads only the heads of the records, and the ambient light at the end of the records.
+        // The host needs whole records unless the device merges contributions and this has been checked. Then it needs only the heads, or
+        // also the ambient light at the end of the records.
         let needs_all = merging.is_none_or(|(_, trust)| !trust.is_checked) || strategy.layout.ambient;
         let bytes = if needs_all { record_bytes(&parameters, paths) } else { u64::from(paths) * 16 };
         let merge = merging.map(|(request, _)| (&self.merges[output], *request, &strategy.layout));
@@ -189,7 +190,7 @@ impl<'a> StrategyRun<'a> {
             let bytes = record_bytes(&parameters, parameters.paths);
             view = output.run(self.gpu, &parameters, bytes)?;
             (unfinished, rays) = counted(&view, parameters.mark);
-            // The host sums the paths that were traced again.
+            // The host sums the contributions of the paths that were traced again.
             if let Some(merge) = merge.take() {
                 drop(self.merges[index].wait(self.gpu, merge)?);
                 self.merges[index].release();

@@ -24,8 +24,8 @@ const MARGIN: f64 = 1.0 / 32.0;
 /// The relative margin of depths. A triangle is hidden only if it lies behind another triangle by more than this.
 const DEPTH_MARGIN: f64 = 1e-4;
 
-/// The maximum number of texels that all triangles touch together. Lists of this size take a few seconds. A scene that exceeds it has
-/// thousands of triangles behind each other, and traces faster with a search tree than with such long lists.
+/// The maximum number of texels that all triangles touch together. Making lists of this size takes a few seconds. A scene that exceeds this
+/// number has thousands of triangles behind each other, and traces faster with a search tree than with such long lists.
 const MAX_TOUCHED: usize = 1 << 26;
 
 /// The number of texels in a row of the raster, for a scene with this number of pairs. One texel on each side lies outside the field of
@@ -41,8 +41,8 @@ pub(super) struct LightBuffers {
 }
 
 impl LightBuffers {
-    /// The light buffer for half the extent `tangent` of the image plane at distance 1, which is made at first use; and the number of
-    /// texels in a row of its raster. If the lists would be too long, it is a placeholder without texels.
+    /// The light buffer, which is made at first use, and the number of texels in a row of its raster. `tangent` is half the extent of the
+    /// image plane at distance 1. If the lists would be too long, the light buffer is a placeholder without texels.
     pub(super) fn lists(
         &mut self,
         gpu: &Gpu,

@@ -37,7 +37,7 @@ impl Pair {
         Self { corners: [a, b, c, a], first: Rotated { index, by: 0 }, second: None }
     }
 
-    /// The pair of two triangles that share an edge. It is edge `edge` of the first triangle, and edge `other_edge` of the second.
+    /// The pair of two triangles that share an edge: edge `edge` of the first triangle, and edge `other_edge` of the second.
     fn across(
         (index, corners, edge): (usize, [Vec3; 3], usize),
         (other, others, other_edge): (usize, [Vec3; 3], usize),

@@ -36,8 +36,9 @@ pub(super) struct PhotonMap {
 pub struct Gather {
     /// Number of chains traced from each pixel.
     pub photons: u32,
-    /// The radius of the density estimate, in units of a median over all photons: the median radius of a disc with the area of a pixel's
-    /// footprint through the photon's chain. A smaller radius reduces the bias and increases the variance.
+    /// The radius of the density estimate, relative to the typical footprint of a pixel. Each photon has a disc with the area of a pixel's
+    /// footprint through the photon's chain, and the unit is the median radius of these discs. A smaller radius reduces the bias and
+    /// increases the variance.
     pub radius: f32,
 }
 
@@ -218,7 +219,7 @@ const MAX_BUCKET: usize = 512;
 struct Grid {
     /// Number of buckets, a power of two, minus 1.
     mask: u32,
-    /// The first photon of each bucket, and the end of the last bucket.
+    /// The first photon of each bucket, then the end of the last bucket, and the end of the copy of the first bucket.
     start: Vec<u32>,
     photons: Vec<Photon>,
 }

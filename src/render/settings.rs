@@ -159,7 +159,8 @@ pub struct TraceSummary {
 }
 
 impl TraceSummary {
-    /// Adds the paths, rays and dispatches of a trace that ran at the same time in another process. The longer times count.
+    /// Adds the paths, rays and dispatches of a trace that ran at the same time in another process. For each duration, the longer one is
+    /// kept.
     pub(crate) fn add_parallel(&mut self, other: &Self) {
         self.paths += other.paths;
         self.rays += other.rays;

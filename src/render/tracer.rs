@@ -35,7 +35,7 @@ pub struct Tracer {
     trust: Trust,
     staging: Vec<StagingBuffers>,
     observer: Arc<dyn Observer + Send + Sync>,
-    /// The scene as an object of a team. The other processes of the team trace parts of it.
+    /// The handle of the scene in a team of processes, each of which traces a part.
     remote: Option<Arc<Remote>>,
 }
 
@@ -97,7 +97,7 @@ impl Tracer {
     }
 
     /// All compiled kernels, including those of [`Tracer::restore_kernels`], for later processes. It is `None` if there are no new kernels,
-    /// or if the driver does not return kernels. Software Vulkan does not; it keeps kernels on disk itself.
+    /// or if the driver does not return kernels. Software Vulkan returns none, because it keeps kernels on disk itself.
     pub fn compiled_kernels(&self) -> Option<Vec<u8>> {
         self.gpu.compiled.as_ref()?.data()
     }

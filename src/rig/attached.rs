@@ -101,7 +101,7 @@ impl AttachedCamera {
         self.kind == spec.kind && (place.is_none() || self.place == place)
     }
 
-    /// Reads and adds the abilities of a camera that describes its abilities.
+    /// Reads the abilities of a machine vision camera and adds them. Other cameras are left unchanged.
     fn ask_abilities(&mut self) {
         if !matches!(self.kind, CameraKind::Gige | CameraKind::Usb3) {
             return;
@@ -179,7 +179,7 @@ pub(crate) fn ask(helper: &Helper, kind: CameraKind, place: Option<&str>) -> Res
             serde_json::from_str(&said).map_err(|why| fault(format!("its description gave no answer: {why}")))
         }
         Some(status) => Err(match serde_json::from_str::<Value>(&complaint) {
-            // The process found this fault, which already names the camera.
+            // This error comes from the process, and already names the camera.
             Ok(error) => {
                 let [what, help] = ["error", "help"].map(|key| error[key].as_str().unwrap_or_default());
                 camera_fault(what.trim_start_matches("camera: "), help)

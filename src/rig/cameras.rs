@@ -1,4 +1,4 @@
-//! The kinds of cameras, and the description of each kind in a rig file. The description of a still camera is beside its driver.
+//! The kinds of cameras, and the description of each kind in a rig file. The description of a still camera is in the module of its driver.
 
 use std::net::Ipv4Addr;
 
@@ -188,8 +188,8 @@ pub struct V4lSpec {
     /// Seconds to wait for a frame beyond its exposure.
     #[serde(default = "number::<1, _>")]
     pub timeout: f64,
-    /// The number of frames to discard before each photo, besides the frames that the driver buffers. The camera may have begun them too
-    /// early.
+    /// The number of frames to discard before each photo, in addition to the frames that the driver buffers. The exposure of a discarded
+    /// frame may have begun too early.
     #[serde(default = "number::<2, _>")]
     pub skip: u32,
 }

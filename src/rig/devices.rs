@@ -232,7 +232,7 @@ impl Stamp {
 ///     clock,
 /// );
 ///
-/// // From captures to light: what the devices see becomes the product `A x`.
+/// // The measurement converts the counts of the camera to the product `A x`.
 /// let options = MeasureOptions { exposures: vec![1e-3], ..MeasureOptions::default() };
 /// let frames = LiveFrames::new(devices, 0.0, options.tries);
 /// let mut measurement = Measurement::new(Box::new(frames), calibration, options)?;
@@ -240,7 +240,7 @@ impl Stamp {
 /// measurement.operator(Part::Full, 0).apply(&[1.0, 0.0, 0.5, 1.0], &mut photo)?;
 /// let relative = photo.map(|value| value / photo[3]);
 /// for (value, expected) in relative.into_iter().zip([0.2, 0.0, 0.3, 1.0]) {
-///     // Half of a count of 2048 is lost by rounding, and half of a level of 255.
+///     // Levels of 255 are rounded, by at most half a level. Counts of 2048 lose their fraction, which is less than one count.
 ///     assert!((value - expected).abs() < 0.5 / 255.0 + 1.0 / 2048.0);
 /// }
 /// # Ok(())

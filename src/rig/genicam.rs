@@ -71,7 +71,7 @@ impl<T: TransportLayer> Link<T> {
 
 impl<T: TransportLayer> Drop for Link<T> {
     fn drop(&mut self) {
-        // A camera that no longer answers stops without this request.
+        // An error is ignored, because a camera that no longer answers stops by itself.
         let _ = self.camera.acquisition_stop();
     }
 }
@@ -87,7 +87,7 @@ pub struct Triggered<T: TransportLayer> {
     /// The requested exposure, and the exposure that the camera set, in seconds.
     exposure: Option<[f64; 2]>,
     numbers: Numbers,
-    /// The losses of earlier sessions.
+    /// The losses until the camera was last closed.
     losses: Losses,
 }
 
@@ -137,7 +137,7 @@ impl<T: TransportLayer> Triggered<T> {
         if time < triggered - error {
             return time;
         }
-        // Some cameras stamp the end of the exposure.
+        // Some cameras stamp the end of the exposure. The result is limited to times after the trigger and one exposure before the arrival.
         time.min(came - exposure).max(triggered)
     }
 
@@ -247,7 +247,7 @@ impl<T: TransportLayer> Camera for Triggered<T> {
     }
 }
 
-/// Half the range of a GigE Vision camera's frame numbers, which wrap around. A number that is lower than the last by more than this has
+/// Half the range of a GigE Vision camera's frame numbers. If a number is lower than the last number by more than this, the numbers have
 /// wrapped around.
 const WRAP: u64 = 1 << 15;
 
@@ -261,7 +261,7 @@ impl Numbers {
         Self { base: after, last: 0 }
     }
 
-    /// The rig's number of a frame. `number` is the camera's number of the frame, which counts from 1.
+    /// The rig's number for a frame. `number` is the camera's number of the frame, which counts from 1.
     pub(crate) fn of(&mut self, number: u64) -> u64 {
         if number + WRAP < self.last {
             // The camera's number after 65535 is 1.

@@ -16,7 +16,7 @@ use super::{Abilities, AttachedCamera, CameraKind, GenicamSpec, Losses, WallCloc
 use crate::error::{Error, Result};
 
 /// The longest wait for a camera that does not answer or that another program holds. After a session that ended abruptly, the camera is
-/// free once its heartbeat of 3 s has run out.
+/// free once its heartbeat timeout of 3 s has passed.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// The GigE Vision status of a camera that another program holds.
@@ -145,7 +145,7 @@ pub(crate) fn cameras(address: Option<Ipv4Addr>) -> Result<Vec<AttachedCamera>> 
     Ok(found.into_iter().map(camera).collect())
 }
 
-/// Reads the abilities of the camera at an address. A program that controls the camera keeps its control.
+/// Reads the abilities of the camera at an address. If another program controls the camera, it keeps control.
 ///
 /// # Errors
 /// [`Error::Rig`] when the camera does not answer, or cannot be read while another program holds it.

@@ -298,7 +298,7 @@ impl Gphoto2Spec {
         Sensor { size, offset, bits, tiles, colour, saturation }
     }
 
-    /// The settings in the rig file: the possible names of each setting, and its value.
+    /// The settings that the rig file requests. For each setting: its possible names in `gphoto2`, and the value.
     pub(crate) fn wanted(&self) -> impl Iterator<Item = (Vec<&str>, &str)> {
         let known: [(&[&str], &Option<String>); 3] = [
             (&["iso"], &self.iso),

@@ -1,6 +1,6 @@
-//! Rigs of real devices. A [`HardwareRig`] has a monitor of an X server as its projector, and a camera. A [`ProgramRig`] has the devices of
-//! a program, for example a camera behind its maker's library. This module also recognizes the various errors of cameras that another
-//! program has opened.
+//! Rigs of real devices. A [`HardwareRig`] has a monitor of an X server as its projector, and a camera. A [`ProgramRig`] has devices that a
+//! program implements, for example a camera that needs its maker's library. This module also recognizes the various errors of cameras that
+//! another program has opened.
 
 use std::error::Error as Why;
 use std::io::ErrorKind;
@@ -39,8 +39,8 @@ impl HardwareRig {
         Ok(Devices { projector: Box::new(projector), camera, clock: Box::new(clock) })
     }
 
-    /// The abilities that a machine vision camera states, in words. `None`: the camera is of another kind. A camera's description is a
-    /// foreign program in XML. A process of `helper` reads the description in at most 15 s and 1 GiB of address space, so a harmful
+    /// The abilities that a machine vision camera states, in words. `None`: the camera is of another kind. A camera's description is an
+    /// untrusted program in XML. A process of `helper` reads the description in at most 15 s and 1 GiB of address space, so a harmful
     /// description can end only that process.
     ///
     /// # Errors

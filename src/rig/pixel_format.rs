@@ -111,8 +111,8 @@ mod tests {
             (F::Mono12p, &[0xBC, 0x3A, 0x12], &[0xABC, 0x123]),
             // The outer bytes AB and 12 are high bits. The byte between them has the low bits: C in its lower half, 3 in its upper half.
             (F::Mono12Packed, &[0xAB, 0x3C, 0x12], &[0xABC, 0x123]),
-            // Ten bits each of 0x3FF, 0x000, 0x2AA and 0x155, from bit 0 on. As one number of 40 bits, they are 0101010101 1010101010
-            // 0000000000 1111111111.
+            // 0x3FF, 0x000, 0x2AA and 0x155 take ten bits each, from bit 0 on. As one number of 40 bits, with the last count first, they
+            // are 0101010101 1010101010 0000000000 1111111111.
             (F::Mono10p, &[0xFF, 0x03, 0xA0, 0x6A, 0x55], &[0x3FF, 0x000, 0x2AA, 0x155]),
             // 0x2AB has the high bits 0xAA and the low bits 0b11; 0x155 has 0x55 and 0b01. The low bits are at bits 1-0 and 5-4.
             (F::Mono10Packed, &[0xAA, 0x13, 0x55], &[0x2AB, 0x155]),

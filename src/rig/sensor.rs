@@ -130,7 +130,7 @@ impl Sensor {
         ((1_u32 << self.bits) - 1) as u16
     }
 
-    /// Converts the counts of all photosites to pixels of the camera from [`Self::info`], row by row with interleaved channels. Saturated
+    /// Converts the counts of all photosites to the pixels that [`Self::info`] describes, row by row with interleaved channels. Saturated
     /// pixels get the highest count.
     ///
     /// A pixel of a colour sensor is a sum over a cell, not a mean, so that rounding loses no light. Only a sum of more than 16 bits is

@@ -46,7 +46,7 @@ impl Lens {
     pub(super) const HELP: &str =
         "an open aperture needs its radius and the distance of the plane in focus, in metres";
 
-    /// The lens that a file states: a pinhole if no radius is stated. `Err` is a predicate for a sentence about the camera.
+    /// The lens that a file states: a pinhole if no radius is stated. `Err` has the end of a sentence whose subject is the camera.
     pub(super) fn checked(radius: Option<f64>, focus: Option<f64>) -> Result<Self, String> {
         let radius = radius.unwrap_or(0.0);
         if !(radius.is_finite() && radius >= 0.0) {

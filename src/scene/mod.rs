@@ -34,7 +34,8 @@ pub struct LoadOptions<'a> {
     pub camera: Option<&'a str>,
     /// The path of a camera file. Its poses replace the scene's poses (see [`load_with`]).
     pub camera_file: Option<&'a Path>,
-    /// If the scene has no camera, places one ([`Camera::in_front_of`]). If it has several perspective cameras, takes the first and warns.
+    /// Whether a scene without a camera gets one ([`Camera::in_front_of`]), and a scene with several perspective cameras uses the first,
+    /// with a warning.
     pub auto_camera: bool,
     /// Whether missing or unreadable material libraries, pictures and texture coordinates are errors. Otherwise a warning names them, and
     /// their surfaces are matte or have the material's colour.
@@ -56,8 +57,8 @@ pub fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
 /// `focus_distance`. Lengths are in metres. The projector may also have `resolution = [width, height]`.
 ///
 /// # Errors
-/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used. Both errors name the file.
-/// [`Error::Scene`] also names the remedy.
+/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used. Both errors name the file, and
+/// [`Error::Scene`] names the remedy.
 pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     let mut scene = match extension.to_ascii_lowercase().as_str() {

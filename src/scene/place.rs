@@ -34,7 +34,7 @@ impl Distances {
     /// Adds a distance with a weight. Zero and NaN are ignored.
     pub(crate) fn add(&mut self, distance: f64, weight: f64) {
         if distance > 0.0 && weight > 0.0 {
-            // The index is the exponent of the distance.
+            // The index is the biased exponent of the distance.
             self.0[(distance.to_bits() >> 52) as usize] += weight;
         }
     }

@@ -215,7 +215,7 @@ pub(super) struct Texels {
 }
 
 pub(super) struct Fault {
-    /// A predicate for a sentence about the picture.
+    /// The end of a sentence whose subject is the picture.
     pub fault: String,
     /// The remedy.
     pub help: String,

@@ -13,7 +13,7 @@ use crate::image::Resolution;
 const MAX_INTERSECTIONS: usize = 1 << 24;
 /// The largest number of rays along one side of the picture.
 const MAX_SIDE: usize = 32;
-/// Surfaces beyond this distance, in metres, count as far. They send back less than a ten-thousandth of a pattern.
+/// Surfaces beyond this distance, in metres, count as far. They send back about a ten-thousandth of a pattern or less.
 const FAR: f32 = 50.0;
 
 /// Surfaces with a lower roughness count as mirrors here.
@@ -38,7 +38,7 @@ enum Darkness {
 }
 
 impl Darkness {
-    /// A predicate for a sentence about the surface, and advice.
+    /// The end of a sentence whose subject is the surface, and advice.
     fn words(self) -> [&'static str; 2] {
         match self {
             Self::Back => [

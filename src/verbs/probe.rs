@@ -166,7 +166,7 @@ impl Answer for ProbedLight {
 
     fn headline(&self) -> String {
         let (paths, noise) = (self.probing.in_words(), percentage(self.noise()));
-        format!("the light of {paths}, with a standard error of {noise}; {} photos", self.photos)
+        format!("{paths}, with a standard error of {noise}; {} photos", self.photos)
     }
 
     fn sentence(&self) -> String {

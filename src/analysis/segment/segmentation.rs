@@ -183,7 +183,7 @@ fn status(capture: &Capture, resolved: usize, wanted: usize, local: usize) -> St
     };
     let photos = capture.photos();
     format!(
-        "{photos} photos: {resolved} of {wanted} eigenvectors have a residual below {RESOLVED}{localized}{ended}"
+        "{photos} photos: a residual below {RESOLVED} for {resolved} of {wanted} eigenvectors{localized}{ended}"
     )
 }
 

@@ -28,13 +28,14 @@ const STRIDE: u64 = 256;
 /// Bytes of the totals: the number of entries, the number of terms, and two unused words.
 const TOTALS: u64 = 16;
 
-/// How contributions become terms.
+/// Describes how contributions become terms.
 pub(crate) struct MergeRequest<'a> {
     pub(crate) channels: usize,
     pub(crate) luminance: [f32; 3],
     /// Whether light of two bounces is a separate class, as in [`class`].
     pub(crate) split: bool,
-    /// For a number of paths from each pixel: the weight of a sample in the mean, and the weights in the error of a sample of either half.
+    /// Maps the number of paths from each pixel to three weights of a sample: its weight in the mean, and its weight in the error if it
+    /// belongs to the first or to the second half.
     pub(crate) weights: &'a dyn Fn(u32) -> [f64; 3],
 }
 
@@ -254,7 +255,7 @@ impl DeviceMerge {
 /// The number of contributions that the device sums before it adds them to the earlier sum; `TOGETHER` of `shaders/merge_sums.wgsl`.
 const TOGETHER: f64 = 64.0;
 
-/// The roundings of a contribution apart from summation: its luminance, its weight, and the sum of both halves.
+/// The number of roundings of a contribution apart from summation: for its luminance, its weight, and the sum of both halves.
 const OTHER_ROUNDINGS: f64 = 8.0;
 
 pub(super) struct HostTerm {

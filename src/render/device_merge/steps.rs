@@ -14,7 +14,7 @@ const LANES: u32 = 256;
 const BLOCK: u32 = 1024;
 /// The number of values of a digit; `DIGITS` of the same file.
 const DIGITS: u32 = 256;
-/// `NOTHING` of the same file.
+/// `NOTHING` of the same file. As `total`, it says that a scan does not store its sum.
 const NOTHING: u32 = u32::MAX;
 
 const DIGIT_BITS: u32 = DIGITS.trailing_zeros();

@@ -34,7 +34,7 @@ fn layout(samples: u32, direct: bool, gathers: bool) -> RecordLayout {
     }
 }
 
-/// Records of paths that end at some of `others`. One of `every` connections counts.
+/// Random records of paths. On average, one in `every` slots holds a connection, which ends at a pixel of `others`.
 fn records(
     random: &mut Pcg64,
     layout: &RecordLayout,
@@ -183,7 +183,7 @@ fn a_scene_has_the_same_light_by_device_and_host() {
         let (mut by_host, none) = traced(&scene, false, 3);
         let (by_device, merged) = traced(&scene, true, 3);
         assert!(none == 0 && merged > 1, "{none}, {merged}");
-        // The host's positions are compared, except those without light. During the trace, `agree` has already compared the sums.
+        // During the trace, `agree` has compared the terms. Here, their total is compared, and the order of the device's terms is checked.
         by_host.sort_by_key(|&(start, key, _)| (start, key));
         let sum = |all: &[(u32, u32, f32)]| all.iter().map(|&(.., value)| f64::from(value)).sum::<f64>();
         let (host, device) = (sum(&by_host), sum(&by_device));

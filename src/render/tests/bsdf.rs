@@ -12,8 +12,8 @@ use crate::gpu::Gpu;
 const BINS: Sphere = Sphere { rings: 20, sectors: 40 };
 /// The number of samples. A density that is wrong by 1 % over a tenth of the hemisphere then fails the test.
 const SAMPLES: usize = 1 << 20;
-/// The narrowest lobe here (α = 0.05) has a width of 0.03 in `t`, and of 0.12 in `s` at a cosine of 0.05. Cells of 1/320 integrate it with
-/// an error of 1e-4, a fraction of the counts' relative noise.
+/// The narrowest lobe here (α = 0.05) has a width of 0.03 in `t` and of 0.12 in `s` (see [`Sphere`]) at a cosine of 0.05. Cells of 1/320
+/// integrate it with an error of 1e-4, a fraction of the counts' relative noise.
 const CELLS: usize = 16;
 static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| BINS.midpoints(CELLS));
 

@@ -7,13 +7,13 @@ use super::statistics::{Sphere, outgoing};
 use super::support::{gpu, run};
 use crate::gpu::Gpu;
 
-/// The narrowest lobe here (α = 0.05) has a width of 0.03 in `t`, which is nine cells, and of 0.12 in `s` at a cosine of 0.05.
+/// The narrowest lobe here (α = 0.05) has a width of 0.03 in `t` (nine cells) and of 0.12 in `s` at a cosine of 0.05; see [`Sphere`].
 const CELLS: Sphere = Sphere { rings: 320, sectors: 480 };
 static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| CELLS.midpoints(1));
 const SAMPLES: usize = 1 << 18;
 
-/// The directional albedo of a gray material, with regular and delta lobes. It is computed by quadrature over `K`, and from samples with
-/// their standard error.
+/// The directional albedo of a gray material, with regular and delta lobes. It is computed by quadrature over `K`
+/// (guide/src/right/bsdf.md), and from samples, with their standard error.
 struct Albedo {
     integral: f64,
     sampled: f64,
@@ -74,8 +74,8 @@ fn lambertian_albedo_is_its_colour() {
     for (color, cos_o) in [(1.0, 1.0), (1.0, 0.05), (0.5, 0.3)] {
         let Albedo { integral, sampled, error } = albedo(&gpu, &Bsdf::lambertian(color), cos_o, 0);
         let color = f64::from(color);
-        // The factor cosθ/π and the density cancel up to rounding, so there is no Monte Carlo error. The relative error of the midpoint
-        // rule is dt²/2 − ds²/4.
+        // The factor cosθ/π and the density cancel up to rounding, so there is no Monte Carlo error. With cells of dt × ds, the relative
+        // error of the midpoint rule is dt²/2 − ds²/4.
         assert!(
             error < 1e-7 && (sampled - color).abs() < 4e-7 * color,
             "sampled {sampled}, expected {color}"
@@ -154,10 +154,10 @@ fn white_dielectrics_reflect_no_more_than_they_receive() {
         let white = Bsdf::dielectric(1.0, alpha);
         let (low, high) = range(&gpu, &white, 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}: {high}");
-        // They do not lose much light either, only light that facets hide from each other at grazing incidence.
+        // White dielectrics lose little light, only what facets hide from each other at grazing incidence.
         assert!(low > 0.5, "α {alpha}: {low}");
         assert!(range(&gpu, &white, 0.5).0 > 0.95, "α {alpha}");
-        // Without reflectance at normal incidence, the coat comes closest to its bound.
+        // Without reflectance at normal incidence, the coat's reflectance comes closest to its upper bound (guide/src/right/bsdf.md).
         let (_, high) = range(&gpu, &Bsdf { f0: glam::Vec3::ZERO, ..white }, 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}, index 1: {high}");
     }
@@ -264,7 +264,7 @@ fn smooth_glass_follows_fresnels_equations_and_loses_nothing() {
         for ([reflected, transmitted, weight, pdf], &cosine) in found.iter().zip(&cosines) {
             let expected = transmittance(bsdf.eta_o.into(), bsdf.eta_t.into(), cosine.into());
             // Near the critical angle, 1 − F is about k cosθ_t, with k < 9 here. cos²θ_t is computed as a difference from 1 with an error
-            // of 1.5e-7. The error of 1 − F is k²/2 times that, divided by 1 − F.
+            // of 1.5e-7. The error of 1 − F is this error times k²/2, divided by 1 − F.
             let error = (f64::from(*transmitted) - expected).abs();
             assert!(error < 6e-6 / expected.max(1e-3), "{bsdf:?} at {cosine}: {transmitted}, not {expected}");
             assert!((reflected + transmitted - 1.0).abs() <= 2.0 * f32::EPSILON, "{bsdf:?} at {cosine}");

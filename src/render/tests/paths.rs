@@ -19,7 +19,7 @@ use crate::scene::{Scene, Triangle, builtin};
 struct By {
     /// Whether rays from and to the pinhole use the light buffer.
     light_buffer: bool,
-    /// Whether the other rays test every pair of triangles.
+    /// Whether rays that do not use the light buffer test every pair of triangles.
     each: bool,
 }
 

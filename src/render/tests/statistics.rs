@@ -5,7 +5,8 @@ use std::f64::consts::{PI, TAU};
 /// The probability that at least one test of a family of tests rejects a correct program.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// The p-value below which one of `tests` independent tests fails (Šidák). The whole family then has the probability `SIGNIFICANCE`.
+/// The p-value below which one of `tests` independent tests fails (Šidák). At least one of them then fails with the probability
+/// `SIGNIFICANCE`.
 pub(super) fn threshold(tests: usize) -> f64 {
     1.0 - (1.0 - SIGNIFICANCE).powf(1.0 / tests as f64)
 }
@@ -86,7 +87,7 @@ fn survival_has_its_closed_forms() {
         assert!((chi_square_survival(x, 2.0) / two - 1.0).abs() < 1e-13, "{x}");
         assert!((chi_square_survival(x, 4.0) / (two * (1.0 + x / 2.0)) - 1.0).abs() < 1e-13, "{x}");
     }
-    // Tabulated 5 % points.
+    // These statistics are tabulated 5 % points.
     assert!((chi_square_survival(3.841_458_820_694_124, 1.0) - 0.05).abs() < 1e-13);
     assert!((chi_square_survival(124.342_113_404_004_1, 100.0) - 0.05).abs() < 1e-12);
 }
@@ -104,7 +105,7 @@ fn counts_that_fit_too_badly_fail() {
 /// The azimuth of all outgoing directions. Its value is arbitrary, because no result may depend on it.
 const AZIMUTH: f64 = 2.2;
 
-/// Bins by `(hemisphere, ring, sector)`. They are fine in directions in which a glossy lobe may be narrow.
+/// Bins by `(hemisphere, ring, sector)`. They are small in directions in which a glossy lobe may be narrow.
 ///
 /// Rings are equally spaced in `t = √(1 − |cosθ|)`, which is linear in `θ` around the normal. Sectors are equally spaced in `s = ∛(φ/π)`
 /// from −1 to 1. The azimuth `φ` is measured from the mirror direction, which is also the azimuth of transmitted light. At grazing

@@ -155,12 +155,12 @@ fn each_texture_multiplies_its_own_factor() {
     ];
     scene.triangles[0].colors = [[65535, 65535, 0, 0], [65535, 65535, 0, 65535], [65535; 4]];
     let found = look(&gpu(), &scene, &[FRONT])[0];
-    // The value is IEC 61966-2-1 of 188/255.
+    // The linear value of the sRGB byte 188 (IEC 61966-2-1).
     let half = (((188.0 / 255.0) + 0.055) / 1.055_f32).powf(2.4);
     // The tolerance is a few roundings of numbers up to 3.
     let tolerance = 1e-6;
     assert_close(found.base_color, vec3(0.5, half, 0.0), tolerance);
-    // At two corners a quarter is opaque; the rest is a hole.
+    // The two opaque corners have weights of 0.25 each. The texture's opacity is 0.2, and the material's factor is 0.5.
     assert!((found.opacity - 0.5 * 0.2 * 0.5).abs() < tolerance, "{found:?}");
     assert!((found.metallic - 0.5 * 0.4).abs() < tolerance, "{found:?}");
     assert!((found.alpha - (0.5_f32 * 0.8).powi(2)).abs() < tolerance, "{found:?}");

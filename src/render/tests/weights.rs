@@ -223,7 +223,7 @@ fn veils() -> Scene {
     Model { name: "veils", parts, materials, camera: plane(1.0, 0.5).camera }.to_scene()
 }
 
-/// At every vertex, not only at the first, the reverse density has the factor of the probability that the surface interacts with light.
+/// At every vertex, not only at the first, the reverse density is multiplied by the probability that the surface interacts with light.
 #[test]
 fn the_weights_of_paths_between_veils_add_up_to_one() {
     let scene = veils();

@@ -17,8 +17,8 @@ pub(crate) struct Setting {
     pub(crate) choices: Vec<String>,
 }
 
-/// Parses the cameras that `gphoto2 --auto-detect` prints. The output has a heading, a line of dashes, and a line for each camera with its
-/// model and port, separated by spaces.
+/// Parses the list of cameras that `gphoto2 --auto-detect` prints. The output has a heading, a line of dashes, and a line for each camera
+/// with its model and port, separated by spaces.
 pub(crate) fn cameras(answer: &[u8]) -> Vec<FoundStillCamera> {
     let text = String::from_utf8_lossy(answer);
     let rows = text.lines().skip_while(|line| !line.starts_with("---")).skip(1);
@@ -86,8 +86,9 @@ pub(crate) struct Gray {
     pub(crate) counts: Vec<u16>,
 }
 
-/// Reads a PGM (`P5`): width, height and the highest count as text, with comments between them, one white space, and the counts. A count
-/// has one byte, or two bytes (high byte first) if the highest count is 256 or more. `None`: the bytes are invalid or end too early.
+/// Reads a PGM (`P5`). The file has width, height and the highest count as text (comments may separate them), one white-space character,
+/// and the counts. A count has one byte, or two bytes (high byte first) if the highest count is 256 or more. `None`: the bytes are invalid
+/// or end too early.
 pub(crate) fn read_pgm(bytes: &[u8]) -> Option<Gray> {
     let mut rest = bytes.strip_prefix(b"P5")?;
     let mut next = || -> Option<usize> {
@@ -227,7 +228,7 @@ mod tests {
         let wide = b"P5\n# by hand\n2 2 # and here\n65535\n\x00\x01\x3f\xff\xff\xff\x12\x34";
         let found = read_pgm(wide).expect("it is one");
         assert_eq!(found, Gray { size: [2, 2], counts: vec![1, 16383, 65535, 0x1234] });
-        // A byte of a count may look like white space. Counts are not scaled to the highest count.
+        // A count may have the byte of a white-space character. Counts are not scaled to the highest count.
         assert_eq!(read_pgm(b"P5 3 1 15\n\n\x0f\x01").expect("it is one").counts, [10, 15, 1]);
         assert_eq!(found.part([1, 2], [1, 0]), Some(vec![16383, 0x1234]));
         assert_eq!(found.part([2, 1], [1, 0]), None);

@@ -20,7 +20,7 @@ const ANSWER: Duration = Duration::from_secs(20);
 /// The possible names of the setting for the shutter speed. The first name is preferred, because its values are fractions.
 const SHUTTER: [&str; 2] = ["shutterspeed2", "shutterspeed"];
 
-/// The setting that says where the camera keeps photos until they are downloaded, and the chosen value. The memory card would take longer.
+/// The setting for the place of photos until they are downloaded, and the chosen value. A memory card would take longer than this memory.
 const TARGET: [&str; 2] = ["capturetarget", "Internal RAM"];
 
 /// Lists the still cameras that `gphoto2` finds.

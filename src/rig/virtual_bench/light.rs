@@ -15,7 +15,7 @@ use crate::rig::Frame;
 pub(crate) struct VirtualScreen {
     /// The light of each level, relative to white.
     light: Vec<f64>,
-    /// The light that the white segment adds, as a share of the light that a pixel's colours have in common.
+    /// The light that the white segment adds, as a fraction of the least light among a pixel's colours.
     white_segment: f64,
     /// The part of the frame that each pixel shows. `None`: each pixel shows the frame's pixel at the same place.
     overscan: Option<Optics>,
@@ -165,7 +165,7 @@ impl VirtualSensor {
 pub fn poisson(mean: f64, random: &mut impl Rng) -> f64 {
     match Poisson::new(mean) {
         Ok(distribution) => distribution.sample(random),
-        // With a mean above 10¹⁹, a variate differs from the mean in the tenth digit.
+        // With a mean above 10¹⁹, a variate differs from the mean only from the tenth digit on.
         Err(_) => mean.max(0.0),
     }
 }
@@ -254,8 +254,8 @@ mod tests {
         let spec = VirtualProjector { vignetting: 0.2, ..VirtualProjector::default() };
         let resolution = Resolution::new(401, 301);
         let light = VirtualScreen::new(&spec, resolution).emit(&Frame::filled(resolution, 1, 255)).plane(0);
-        // The centre of the corner pixel lies half a pixel inside the corner. This is less than 1 in 200 of the distance, and less than 1
-        // in 100 of its square.
+        // The centre of the corner pixel lies half a pixel inside the corner. This lowers its distance from the middle by less than 1 in
+        // 200, and the square by less than 1 in 100.
         assert!((light[0] - 0.8).abs() < 0.2 * 0.012 && light[150 * 401 + 200] == 1.0);
     }
 

@@ -60,8 +60,8 @@ impl VirtualRig {
     /// `after`, the last frame of an earlier session, the rig continues as if that session had never ended (see [`Projector::restore`]).
     ///
     /// # Errors
-    /// [`Error::Rig`] when `light` has another size or too few channels, or the white photo is dark. An error of `light` when it takes no
-    /// photo.
+    /// [`Error::Rig`] when `light` has another size or too few channels, or the white photo is dark. The error of `light` when `light`
+    /// cannot take a photo.
     pub fn open(&self, light: Box<dyn Transport + Send>, after: Option<Stamp>) -> Result<Devices> {
         self.check_light(light.as_ref())?;
         let (projector, camera) = (self.projector_info(), self.camera_info());

@@ -17,8 +17,8 @@ use crate::transport::{Transport, luminance};
 const SUB_PIXELS: usize = 4;
 
 impl VirtualCamera {
-    /// Maps the point `[x, y]` that should be seen to the point that is seen, both in pixels of the photo `raster` from its top left corner.
-    /// The result is not finite if a homography maps the point to infinity.
+    /// Maps the point `[x, y]` that should be seen to the point that is seen, both in pixels of the photo `raster` from its top left
+    /// corner. The result is not finite if a homography maps the point to infinity.
     ///
     /// Without misregistration, the camera raster and the photo raster cover the same field. A point of the camera raster then lies at a
     /// point `q` of the photo raster, in projector pixels. With misregistration, the camera point sees `H(c + (q − c)(1 + k₁ r²))`, where
@@ -71,7 +71,7 @@ impl Optics {
     }
 }
 
-/// The photo pixels that a camera pixel sees, with their weights, ordered by pixel.
+/// The photo pixels that camera pixel `pixel` averages, in ascending order, with weights.
 fn row(
     pixel: usize,
     camera: Resolution,
@@ -98,7 +98,7 @@ fn row(
     runs.map(|run| (run[0].0, weight * run.iter().map(|share| share.1).sum::<f64>())).collect()
 }
 
-/// Adds to `shares`, for each photo pixel, the share of the area of a rectangle (with the centre `middle`) that lies in this pixel.
+/// Adds to `shares`, for each photo pixel, the fraction of a rectangle's area that lies in the pixel. The rectangle's centre is `middle`.
 fn share_out(middle: [f64; 2], sides: [f64; 2], photo: Resolution, shares: &mut Vec<(u32, f64)>) {
     let ends = [photo.width as f64, photo.height as f64];
     let spans = [0, 1].map(|axis| {
@@ -138,7 +138,7 @@ pub(crate) type SeenLight = Vec<Vec<f64>>;
 pub(crate) struct View {
     transport: Box<dyn Transport + Send>,
     optics: Optics,
-    /// The share of the light that forms the splitter's second image, and the optics of this image.
+    /// The fraction of the light that forms the splitter's second image, and the optics of this image.
     ghost: Option<(f64, Optics)>,
     blur: Option<Blur>,
     /// Stray light in each camera channel, for a pattern with a mean light of 1.
@@ -174,7 +174,7 @@ impl View {
         Ok(Self { transport, optics, ghost, blur, stray, channels, crosstalk, unlit })
     }
 
-    /// Sets the stray light of `pattern` to this `share` of the mean of `white`, which is the light of `pattern` without stray light.
+    /// Scales the stray light so that `pattern` gives the fraction `share` of the mean of `white`, which is its light without stray light.
     pub(crate) fn set_stray(&mut self, share: f64, pattern: &Image, white: &SeenLight) {
         let means = self.means(pattern);
         self.stray = means

@@ -68,7 +68,7 @@ impl VirtualScene {
     }
 }
 
-/// A description of a virtual projector. Level `l` of `L` levels emits the share `b + (1 − b) · response(l / (L − 1))` of white,
+/// A description of a virtual projector. Level `l` of `L` levels emits the fraction `b + (1 − b) · response(l / (L − 1))` of white,
 /// where `b` is the black level.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -81,9 +81,9 @@ pub struct VirtualProjector {
     pub gamma: Option<f64>,
     /// The response as light at equally spaced levels, from 0 to 1. It replaces `gamma`.
     pub curve: Option<Vec<f64>>,
-    /// The share of white that level 0 emits.
+    /// The fraction of white that level 0 emits.
     pub black_level: f64,
-    /// The share by which the corners are darker than the centre. The loss grows with the square of the distance from the centre.
+    /// The fraction by which the corners are darker than the centre. The loss grows with the square of the distance from the centre.
     pub vignetting: f64,
     /// Standard deviation of the Gaussian blur, in projector pixels.
     pub blur: f64,
@@ -91,8 +91,8 @@ pub struct VirtualProjector {
     pub latency: f64,
     /// Seconds from one refresh to the next. Showing a frame takes this long.
     pub frame_time: f64,
-    /// The light that the white segment of a colour wheel adds to gray, as a share of the light that red, green and blue have in common in
-    /// a pixel. White is then brighter than red, green and blue together by this share. Light is still measured relative to white.
+    /// The light that the white segment of a colour wheel adds to gray, as a fraction of the light that red, green and blue have in common
+    /// in a pixel. White is then brighter than red, green and blue together by this fraction. Light is still measured relative to white.
     pub white_segment: f64,
     /// The automatic iris, by which the brightness follows the frame.
     pub iris: Iris,
@@ -100,7 +100,7 @@ pub struct VirtualProjector {
     pub pulse: Pulse,
     /// Whether the projector treats its levels as video levels: of 255, levels up to 16 are black, and levels from 235 on are white.
     pub limited_range: bool,
-    /// The share of the frame's width and height that is cut off, half of it at each end. The remainder is stretched to the full field.
+    /// The fraction of the frame's width and height that is cut off, half of it at each end. The remainder is stretched to the full field.
     pub overscan: f64,
 }
 
@@ -130,8 +130,8 @@ impl Default for VirtualProjector {
 /// `black_level + (2^bits − 1 − black_level) · (response(e / full_well) + Normal(read_noise / full_well))`, rounded and clamped to \[0,
 /// saturation\]. The full well is the saturation capacity of EMVA 1288.
 ///
-/// The sensitivity is chosen so that the white photo (without ambient light and drift) fills the share `white_fill` of the full well within
-/// `white_exposure` seconds, at the 99th percentile of the pixels.
+/// The sensitivity is chosen so that the white photo (without ambient light and drift) fills the fraction `white_fill` of the full well
+/// within `white_exposure` seconds, at the 99th percentile of the pixels.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VirtualCamera {
@@ -147,9 +147,9 @@ pub struct VirtualCamera {
     pub saturation: Option<u16>,
     /// The number of electrons at which all bits of the count are set.
     pub full_well: f64,
-    /// The share of the full well that the white photo fills in `white_exposure` seconds.
+    /// The fraction of the full well that the white photo fills in `white_exposure` seconds.
     pub white_fill: f64,
-    /// The exposure, in seconds, in which the white photo fills the share `white_fill` of the full well.
+    /// The exposure, in seconds, in which the white photo fills the fraction `white_fill` of the full well.
     pub white_exposure: f64,
     /// Whether the number of electrons follows a Poisson distribution.
     pub shot_noise: bool,
@@ -157,7 +157,8 @@ pub struct VirtualCamera {
     pub read_noise: f64,
     /// Electrons per second without light.
     pub dark_current: f64,
-    /// The share by which the corners are less sensitive than the centre. The loss grows with the square of the distance from the centre.
+    /// The fraction by which the corners are less sensitive than the centre. The loss grows with the square of the distance from the
+    /// centre.
     pub vignetting: f64,
     /// Standard deviation of the Gaussian blur of the camera's lens, in camera pixels.
     pub blur: f64,
@@ -300,12 +301,13 @@ impl Response {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Splitter {
-    /// The share of the light that forms a second image of the scene, reflected at the back of the splitter.
+    /// The fraction of the light that forms a second image of the scene, reflected at the back of the splitter.
     pub ghost: f64,
     /// The displacement of the second image to the right and down, in projector pixels.
     pub ghost_shift: [f64; 2],
     /// The projector's light that reaches all camera pixels evenly without the scene, for instance because a light trap reflects. For a
-    /// white frame, the stray light is this share of the mean of the white photo. In general, it is proportional to the frame's mean light.
+    /// white frame, the stray light is this fraction of the mean of the white photo. In general, it is proportional to the frame's mean
+    /// light.
     pub stray: f64,
 }
 

@@ -38,7 +38,7 @@ pub(crate) struct VirtualWorld {
     pub(crate) screen: VirtualScreen,
     pub(crate) sensor: VirtualSensor,
     pub(crate) own_light: SeenLight,
-    /// The light of an ambient level of 1.
+    /// The light on the sensor at an ambient level of 1.
     pub(crate) ambient_unit: f64,
     pub(crate) exposure: f64,
     /// The time on the rig's clock, in seconds.
@@ -216,8 +216,8 @@ fn mean_sine(period: f64, middle: f64, exposure: f64) -> f64 {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Iris {
-    /// The share by which an almost black frame is dimmer than white; 0: no iris. With a negative value, dark frames are brighter, as with
-    /// a projector that limits the power of bright frames.
+    /// The fraction by which an almost black frame is dimmer than white; 0: no iris. With a negative value, dark frames are brighter, as
+    /// with a projector that limits the power of bright frames.
     pub dimming: f64,
     /// The time constant of the approach in seconds; 0: immediate.
     pub time: f64,
@@ -251,7 +251,7 @@ impl Iris {
 pub struct Pulse {
     /// The time in seconds from one pulse to the next, or of one turn of the colour wheel; 0: steady light.
     pub period: f64,
-    /// The share of a pulse's time in which light is emitted; 1: light is emitted all the time.
+    /// The fraction of a pulse's time in which light is emitted; 1: light is emitted all the time.
     pub duty: f64,
     /// Whether a colour wheel shows red, green and blue in turn, each for a third of the period.
     pub wheel: bool,
@@ -271,7 +271,7 @@ impl Pulse {
         }
         let colours = if self.wheel { 3.0 } else { 1.0 };
         let begins = colour as f64 / colours;
-        // The light emitted since time 0, in periods of steady light.
+        // The light emitted since time 0, divided by the light that a steady source emits in one period.
         let emitted = |time: f64| {
             let turns = time / self.period;
             turns.floor() + ((turns - turns.floor() - begins) * colours / self.duty).clamp(0.0, 1.0)

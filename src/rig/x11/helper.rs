@@ -35,7 +35,7 @@ impl Helper {
     /// The environment variable that names the `krylux` program for [`Helper::find`].
     pub const VARIABLE: &str = "KRYLUX_HELPER";
 
-    /// The `krylux` program at this path. An error is reported only when a projector is opened.
+    /// The `krylux` program at this path. A wrong path is reported only when a projector is opened.
     pub fn at(program: impl Into<PathBuf>) -> Self {
         Self { program: program.into(), patience: Duration::from_secs(15) }
     }
@@ -104,7 +104,7 @@ impl Places<'_> {
             .ok_or_else(|| self.none(&name))
     }
 
-    /// Whether `program` is the running program. The running program did not declare that it is krylux, so it must not start itself.
+    /// Whether `program` is the running program, which must not start itself, because it has not declared that it is krylux.
     fn is_running(&self, program: &Path) -> bool {
         let real = |path: &Path| path.canonicalize().ok();
         self.running.and_then(real).is_some_and(|running| real(program) == Some(running))

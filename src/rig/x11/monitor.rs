@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::did_you_mean;
 
-/// The share of full scale by which a gamma ramp may deviate from a straight line: half of an 8-bit level.
+/// The fraction of full scale by which a gamma ramp may deviate from a straight line: half of an 8-bit level.
 const RAMP_TOLERANCE: f64 = 0.5 / 255.0;
 
 /// Lists the monitors of a server in the server's order. `display` has the meaning of [`X11Spec::display`].
@@ -290,7 +290,7 @@ mod tests {
         };
         assert!(is_line(&ramp(1.0, 1.0)));
         assert!(!is_line(&ramp(1.05, 1.0)));
-        // The ramps of a night light, which may switch blue off, and a ramp that inverts colours.
+        // A night light has ramps like `dimmed` and `off`, because it may switch blue off. `inverted` inverts colours.
         let [dimmed, off, bent] = [ramp(1.0, 0.9), ramp(1.0, 0.0), ramp(2.2, 1.0)];
         let inverted: Vec<u16> = ramp(1.0, 1.0).into_iter().rev().collect();
         assert!(!is_line(&dimmed) && !is_line(&off) && !is_line(&inverted));
@@ -300,7 +300,7 @@ mod tests {
         assert!(!is_ramp([&off, &off, &off]) && !is_ramp([&[], &[], &[]]));
     }
 
-    /// The ramps are remains in memory, such as pointers, small numbers and zeros of 64 bits each.
+    /// The ramps are read from uninitialized memory, which holds 64-bit values such as pointers, small numbers and zeros.
     #[test]
     fn memory_that_nobody_has_written_is_no_ramp() {
         use rand::{RngExt, SeedableRng};

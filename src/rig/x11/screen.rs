@@ -146,8 +146,8 @@ impl Screen {
         if settles {
             self.await_refresh(confirmed.refresh + self.spec.settle_frames)?;
         }
-        // The frame is read back while the refreshes pass. A window that covers the projector's window earlier causes an event. `confirm`
-        // finds, after the photo, a window that covers it later.
+        // The frame is read back while the refreshes pass. If another window covers the projector's window before, the server sends an
+        // event. If a window covers it later, `confirm` notices this after the photo.
         let is_there = self.difference(&picture)?.is_none();
         let verified = began.elapsed();
         if settles {

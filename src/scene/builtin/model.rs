@@ -271,7 +271,7 @@ fn material(material: &Material) -> Value {
 }
 
 fn camera(camera: &Camera) -> Value {
-    // The format requires a near plane. The field of view is rounded, so that its last digit is the same on every machine.
+    // The format requires a near plane. The field of view is rounded to single precision, so that it is the same on every machine.
     let field = (2.0 * f64::from(camera.tan_half_fov).atan()) as f32;
     let mut perspective = json!({ "yfov": field, "znear": 0.001 });
     if let Some(aspect) = camera.aspect {

@@ -133,7 +133,8 @@ fn decode_data(document: &Document, what: &str, data: &str) -> Result<Vec<u8>> {
     })
 }
 
-/// A predicate for a file that is missing or not next to the scene. `None` for a URI that cannot be decoded, which is another error.
+/// The end of a sentence whose subject is a file that is missing or not next to the scene. `None` for a URI that cannot be decoded, which
+/// is another error.
 pub(super) fn absence(document: &Document, uri: &str) -> Option<&'static str> {
     let is_data = uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"));
     let decoded = percent_decode(uri).filter(|_| !is_data && !uri.is_empty())?;

@@ -145,7 +145,7 @@ impl Extras {
         })
     }
 
-    /// The members of both. If both have the same member, the value of `self` is used.
+    /// The members of `self` and `other`. If both have the same member, the value of `self` is used.
     pub(super) fn or(self, other: Self) -> Self {
         let mut members = other.0;
         members.extend(self.0);

@@ -351,9 +351,9 @@ impl Counts {
     }
 }
 
-/// Triangles as errors count them.
+/// The name of triangles in errors about their number.
 pub(super) const TRIANGLES: &str = "triangles, all instances counted";
-/// Instances as errors count them.
+/// The name of instances in errors about their number.
 pub(super) const INSTANCES: &str = "instances";
 
 /// An empty vector with room for `count` items. Fails if there is no memory for them; `what` names the items.

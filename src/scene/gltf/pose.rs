@@ -200,7 +200,8 @@ impl Skins {
     }
 }
 
-/// The affine transform of a 4×4 matrix given by columns. `None` if the last row differs from 0 0 0 1 by more than exporters round.
+/// The affine transform of a 4×4 matrix given by columns. `None` if the last row differs from 0 0 0 1 by more than the rounding of
+/// exporters.
 pub(super) fn affine(columns: [f32; 16]) -> Option<DAffine3> {
     let matrix = DMat4::from_cols_array(&columns.map(f64::from));
     let is_affine = matrix.row(3).abs_diff_eq(DVec4::W, 1e-6);

@@ -66,7 +66,7 @@ impl Maps {
                 texture
             }
         };
-        // In this format, v points upwards: v′ = 1 − (scale · (1 − v) + offset).
+        // Here v points downwards. The file transforms 1 − v, which points upwards, so the transformed v is 1 − (scale · (1 − v) + offset).
         let Vec2 { x: scale_u, y: scale_v } = placed.scale;
         let offset = Vec2::new(placed.offset.x, 1.0 - scale_v - placed.offset.y);
         let transform =

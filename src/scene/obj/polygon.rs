@@ -119,7 +119,8 @@ impl Triangulator {
         std::iter::successors(Some(at), |&at| Some(around[at][1])).take(left).collect()
     }
 
-    /// Whether the corner `other` lies in a triangle of other corners, but not at the triangle's first corner.
+    /// Whether the triangle contains the polygon's corner `other`, which is not one of its corners and not at the place of its first
+    /// corner.
     fn contains(&self, triangle: [usize; 3], other: usize) -> bool {
         let [a, b, c] = triangle;
         !triangle.contains(&other)

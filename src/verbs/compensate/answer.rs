@@ -169,7 +169,7 @@ impl Compensated {
             content.line(format_args!("project   {}", file.display()));
         }
         content.line(format_args!(
-            "photos    {}, of which {} prepare: {}",
+            "photos    {}, {} of them before the solution: {}",
             found.photos + found.preparation,
             found.preparation,
             found.status

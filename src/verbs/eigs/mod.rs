@@ -268,8 +268,8 @@ fn headline(name: &str, statuses: &[PairStatus], wanted: usize, photos: usize) -
     let (exact, noisy) = (count(PairStatus::Converged), count(PairStatus::LimitedByNoise));
     let how = match (exact, noisy) {
         (_, 0) => "converged",
-        (0, _) => "found within the noise",
-        _ => "converged or found within the noise",
+        (0, _) => "within the noise",
+        _ => "converged or within the noise",
     };
     match exact + noisy {
         found if found == wanted => format!("all {wanted} {name} {how}; {photos} photos"),
