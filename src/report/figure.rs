@@ -2,6 +2,7 @@
 
 use super::colormap::{paint_sequential, paint_signed, robust_range};
 use super::html::{Figure, Kind, Legend, Values};
+#[cfg(feature = "paper")]
 use super::palette::paint_labels;
 use crate::error::Result;
 use crate::image::{Image, Resolution};
