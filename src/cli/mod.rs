@@ -53,25 +53,25 @@ const EXIT_STATUS: &str = "Exit status: 0 done; 1 done, but not good enough; 2 e
 
 #[derive(Subcommand)]
 enum Verb {
-    Photo(asked::Asked<TakePhoto, opening::Traced, photo::Kept>),
     #[command(flatten)]
     Asked(asked::AskedVerb),
+    Photo(asked::Asked<TakePhoto, opening::Traced, photo::Kept>),
     Paint(paint::Args),
-    Plan(asked::Asked<Plan, opening::Traced, ()>),
     Rig(rig::Args),
     Matrix(matrix::Args),
     #[cfg(feature = "paper")]
     Reproduce(reproduce::Args),
     #[cfg(not(feature = "paper"))]
     Reproduce(left_out::Args),
-    Labels(asked::Asked<WriteLabels, options::SourceArgs, ()>),
+    Info(info::Args),
+    Runs(runs::Args),
+    Plan(asked::Asked<Plan, opening::Traced, ()>),
+    Cache(cache::Args),
     Compare(compare::Args),
     Index(runs::IndexArgs),
-    Info(info::Args),
-    Cache(cache::Args),
+    Labels(asked::Asked<WriteLabels, options::SourceArgs, ()>),
     Completions(generated::Completions),
     Man(generated::Manual),
-    Runs(runs::Args),
     #[command(hide = true)]
     Projector(team::Projector),
     #[cfg(any(feature = "gige", feature = "usb3"))]

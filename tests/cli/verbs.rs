@@ -336,7 +336,10 @@ fn compensation_that_has_to_be_clipped_is_exit_status_1_and_says_so() {
     let mut command = command(&["compensate", &corner, "--target", &target, "--size", "16", "-o", &out]);
     let output = command.args(more).output().expect("the program is built");
     assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
-    assert!(text(&output.stdout).contains("1 by krylov-box, 1 before: budget spent"));
+    assert!(
+        text(&output.stdout)
+            .contains("photos    2, 1 of them before the solution: all allowed products are taken")
+    );
     let shape = npy::read_npy(&Path::new(&out).join("compensation.npy")).expect("it is written").shape;
     assert_eq!(shape, [16, 16, 3]);
 }

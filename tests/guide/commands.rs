@@ -1,52 +1,37 @@
-//! Every block of commands runs as it is printed: the blocks of a page in their order, in a folder for the page.
+//! Every block of commands runs as it is printed: the README and then the pages of the guide, in their order, in one folder.
 
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::blocks::{self, Block, Mark};
 use crate::pages::{self, Page};
 use crate::workplace::Workplace;
 
-/// Pages that run at a time.
-const AT_A_TIME: usize = 2;
+/// The number of blocks that ran, and the failures.
+type Found = (usize, Vec<String>);
 
-/// The results of all pages.
-#[derive(Default)]
-struct Found {
-    ran: AtomicUsize,
-    failures: Mutex<Vec<String>>,
-}
-
-/// Runs the blocks in one language of every page.
-fn run_all(language: &str, run: impl Fn(&Workplace, &Page, &Block) -> Option<(i32, String)> + Sync) -> Found {
+/// Runs the blocks in one language of every page. A page ends at its first failure, and the next page goes on.
+fn run_all(language: &str, run: impl Fn(&Workplace, &Page, &Block) -> Option<(i32, String)>) -> Found {
     let cache = tempfile::tempdir().expect("a temporary folder can be made");
-    let (pages, next, found) = (pages::all(), AtomicUsize::new(0), Found::default());
-    std::thread::scope(|scope| {
-        for _ in 0..AT_A_TIME {
-            scope.spawn(|| {
-                while let Some(page) = pages.get(next.fetch_add(1, Ordering::SeqCst)) {
-                    run_page(page, language, cache.path(), &run, &found);
-                }
-            });
-        }
-    });
-    found
+    let place = Workplace::new(cache.path());
+    let (mut ran, mut failures) = (0, Vec::new());
+    for page in pages::all() {
+        failures.extend(run_page(&page, language, &place, &run, &mut ran).err());
+    }
+    (ran, failures)
 }
 
 fn run_page(
     page: &Page,
     language: &str,
-    cache: &Path,
+    place: &Workplace,
     run: &impl Fn(&Workplace, &Page, &Block) -> Option<(i32, String)>,
-    found: &Found,
-) {
+    ran: &mut usize,
+) -> Result<(), String> {
     let blocks = blocks::of(page);
     let is_run = |block: &Block| block.language == language && !matches!(block.mark, Some(Mark::NotRun(_)));
     if !blocks.iter().any(is_run) {
-        return;
+        return Ok(());
     }
-    let place = Workplace::new(cache);
     let mut said = String::new();
     for block in &blocks {
         let fault = match &block.mark {
@@ -60,8 +45,8 @@ fn run_page(
                 .find(|line| !said.contains(line.trim()))
                 .map(|line| format!("the program does not say `{line}`, but:\n{said}")),
             _ if is_run(block) => {
-                found.ran.fetch_add(1, Ordering::SeqCst);
-                let (status, output) = run(&place, page, block).unwrap_or((-1, "it took too long".into()));
+                *ran += 1;
+                let (status, output) = run(place, page, block).unwrap_or((-1, "it took too long".into()));
                 said = output;
                 let expected = if let Some(Mark::Fails(status)) = block.mark { status } else { 0 };
                 (status != expected).then(|| format!("exit status {status}, not {expected}:\n{said}"))
@@ -69,18 +54,15 @@ fn run_page(
             _ => None,
         };
         if let Some(fault) = fault {
-            let mut failures = found.failures.lock().expect("no thread fails while it writes");
-            failures.push(format!("{}: {fault}\n{}", page.at(block.line), block.text));
-            return;
+            return Err(format!("{}: {fault}\n{}", page.at(block.line), block.text));
         }
     }
+    Ok(())
 }
 
 #[track_caller]
-fn require_success(language: &str, found: Found, least: usize) {
-    let failures = found.failures.into_inner().expect("all threads have ended");
+fn require_success(language: &str, (ran, failures): Found, least: usize) {
     assert!(failures.is_empty(), "{} pages failed\n\n{}", failures.len(), failures.join("\n\n"));
-    let ran = found.ran.into_inner();
     println!("{ran} blocks of {language} ran");
     assert!(ran >= least, "only {ran} blocks of {language} were found");
 }

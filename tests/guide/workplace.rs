@@ -13,7 +13,7 @@ use crate::pages::root;
 /// No block takes longer; one that waits for a key or for Ctrl-C would never end.
 const LIMIT: Duration = Duration::from_secs(300);
 
-/// A temporary folder with a copy of the shipped scenes and rigs.
+/// A temporary folder with a copy of the shipped scenes and rigs. Files that earlier commands of the README left among them are not copied.
 pub struct Workplace {
     folder: TempDir,
     cache: PathBuf,
@@ -31,7 +31,12 @@ impl Workplace {
     /// A new folder; matrices are kept in `cache`.
     pub fn new(cache: &Path) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder can be made");
-        copy(&root().join("assets"), &folder.path().join("assets"));
+        for file in shipped() {
+            let target = folder.path().join(&file);
+            fs::create_dir_all(target.parent().expect("it is in the folder"))
+                .expect("the folder can be written");
+            fs::copy(root().join(&file), target).expect("the folder can be written");
+        }
         Self { folder, cache: cache.to_path_buf() }
     }
 
@@ -84,15 +89,19 @@ impl Workplace {
     }
 }
 
-fn copy(from: &Path, to: &Path) {
-    fs::create_dir_all(to).expect("the folder can be written");
-    for entry in fs::read_dir(from).expect("the repository can be read") {
-        let path = entry.expect("an entry").path();
-        let target = to.join(path.file_name().expect("a name"));
-        if path.is_dir() {
-            copy(&path, &target);
-        } else {
-            fs::copy(&path, &target).expect("the folder can be written");
+/// The files of `assets` that the repository tracks; in a copy without its history, all of them.
+fn shipped() -> Vec<PathBuf> {
+    let listed = Command::new("git").args(["ls-files", "-z", "assets"]).current_dir(root()).output();
+    match listed.ok().filter(|listed| listed.status.success() && !listed.stdout.is_empty()) {
+        Some(listed) => {
+            String::from_utf8_lossy(&listed.stdout).split_terminator('\0').map(PathBuf::from).collect()
         }
+        None => below(Path::new("assets")),
     }
+}
+
+fn below(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(root().join(folder)).expect("the repository can be read");
+    let paths = entries.map(|entry| folder.join(entry.expect("an entry").file_name()));
+    paths.flat_map(|path| if root().join(&path).is_dir() { below(&path) } else { vec![path] }).collect()
 }
