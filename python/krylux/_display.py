@@ -49,6 +49,7 @@ def signed(values):
 
 def groups(labels):
     """``uint8[H, W, 3]`` of labels; pixels without one are black."""
+    labels = np.asarray(labels)
     round_, color = np.divmod(labels.astype(int), len(_COLORS))
     # Colours come again, darker.
     colors = (_COLORS[color] * (0.6 ** np.minimum(round_, 4))[..., None]).astype(np.uint8)

@@ -133,7 +133,8 @@ class Segmentation(Answer):
     """Groups of pixels that exchange light: the answer of :meth:`krylux.Lab.segment`.
 
     Attributes:
-        labels: For each number of groups the label of each pixel, ``uint8[H, W]``; 255 is a pixel without global light.
+        labels: For each number of groups the label of each pixel, a masked array of ``uint8[H, W]``; pixels without
+            global light are masked, so that ``plt.imshow(groups.labels[2])`` shows the groups. Their value is 255.
         confidence: For each number of groups how sure the label of each pixel is, ``float64[H, W]`` from 0 to 1: the
             probability of its group among all groups. It does not say whether the number of groups is right.
         eigenvalues, residuals: ``float64[k]``: of the graph's matrix, the known one first, and ``‖A y − θ y‖`` of each.
@@ -153,7 +154,7 @@ class Segmentation(Answer):
         history: ``(photos, eigenvalues, residuals)`` after each photo.
     """
 
-    labels: dict[int, NDArray[np.uint8]]
+    labels: dict[int, np.ma.MaskedArray[Any, np.dtype[np.uint8]]]
     confidence: dict[int, _Floats]
     eigenvalues: _Floats
     residuals: _Floats
@@ -172,6 +173,7 @@ class Segmentation(Answer):
 
     def __init__(self, arrays: dict[str, Any], facts: dict[str, Any], *asked: Any) -> None:
         super().__init__(arrays, facts, *asked)
+        self.labels = {groups: np.ma.masked_equal(labels, 255) for groups, labels in arrays["labels"].items()}
         self.rand_index = {int(groups): score for groups, score in facts["adjusted_rand_index"].items()}
         self.evidence = {
             of["groups"]: {

@@ -61,26 +61,29 @@ class Lab(Asking):
         self.kind, self.name, self.shape, self.projector_shape, self.channels, self.unit, self.seed = native.describe()
 
     @overload
-    def photo(self, pattern: ArrayLike, *, with_error: Literal[False] = False) -> NDArray[np.float32]: ...
+    def photo(self, pattern: ArrayLike | str, *, with_error: Literal[False] = False) -> NDArray[np.float32]: ...
     @overload
     def photo(
-        self, pattern: ArrayLike, *, with_error: Literal[True]
+        self, pattern: ArrayLike | str, *, with_error: Literal[True]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]: ...
-    def photo(self, pattern: ArrayLike, *, with_error: bool = False) -> Any:
+    def photo(self, pattern: ArrayLike | str, *, with_error: bool = False) -> Any:
         """Takes the photo of a pattern, with the ambient light.
 
         Args:
             pattern: ``[H, W]`` or ``[H, W, 3]`` of the projector's pixels, any real type and any strides. 1 stands for
                 an irradiance of 1 W/m² on a plane at 1 m, or for the projector's full light. A gray pattern lights all
-                channels.
+                channels. Or a name as on the command line: ``"white"``, ``"black"``, ``"left"``, ``"checker:8"``,
+                ``"stripes:4"``, ``"pixel:10,20"``, or an image file.
             with_error: Return also the standard error of each sample, or ``None`` where it is not known.
 
         Returns: ``float32[H, W]`` or ``[H, W, 3]`` of the camera's pixels, in :attr:`unit`.
 
         Raises:
-            krylux.errors.OptionError: The pattern has another shape, another type of data, or NaN.
+            krylux.errors.OptionError: The pattern has another shape, another type of data, or NaN, or no such name.
         """
-        if self.kind == "matrix":
+        if isinstance(pattern, str):
+            pattern = self._native.pattern(pattern)
+        elif self.kind == "matrix":
             pattern = _checks.real_array(pattern, "pattern", np.float32)
             if pattern.size == self.projector_shape[0] * self.projector_shape[1]:
                 pattern = pattern.reshape(self.projector_shape)

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use krylux::lab::{Lab as Laboratory, RunOptions, SourceKind};
 use krylux::measure::RigFile;
 use krylux::transport::Part;
+use krylux::verbs::pattern::Pattern;
 use krylux::verbs::rig::{Calibrate, measured_figures};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
@@ -125,6 +126,15 @@ impl Lab {
         })?;
         self.photos.fetch_add(1, Ordering::Relaxed);
         Ok((arrays::array(py, &photo)?, error.map(|error| arrays::array(py, &error)).transpose()?))
+    }
+
+    /// The pattern that a text names, as on the command line.
+    fn pattern<'py>(&self, py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyAny>> {
+        let named: Pattern = text.parse().map_err(|fault: String| {
+            errors::option(py, "pattern", &fault, "give an array, or name a pattern as the command line does")
+        })?;
+        let image = self.with(py, |lab| named.image(lab.projector_resolution()))?;
+        arrays::array(py, &image)
     }
 
     /// The photo of an all-ones pattern, or the photo without the projector.

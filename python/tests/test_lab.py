@@ -27,6 +27,15 @@ def test_photos_are_the_same_for_any_type_and_strides(zigzag):
     assert np.array_equal(zigzag.photo(np.ones((24, 24), bool)), zigzag.white)
 
 
+def test_patterns_have_the_names_of_the_command_line(zigzag):
+    lit = np.add.outer(np.arange(24) // 8, np.arange(24) // 8) % 2 == 0
+    assert np.array_equal(zigzag.photo("checker:8"), zigzag.photo(lit))
+    assert np.array_equal(zigzag.photo("white"), zigzag.white)
+    for wrong in ("checkers", "checker", "pixel:99,0"):
+        with pytest.raises(krylux.errors.OptionError, match="pattern"):
+            zigzag.photo(wrong)
+
+
 def test_photos_are_products_with_the_matrix(zigzag):
     pattern = np.random.default_rng(0).random((24, 24)).astype(np.float32)
     product = (zigzag.matrix() @ pattern.ravel().astype(float)).reshape(24, 24) + zigzag.ambient

@@ -21,6 +21,7 @@ def saved(answer, folder):
 def test_segment_finds_the_true_regions(zigzag, tmp_path):
     found = zigzag.segment([2, 3], photos=30, evidence=True, features=[(3, 4), (20, 10)])
     assert set(found.labels) == {2, 3} and found.labels[2].shape == (24, 24)
+    assert all(np.ma.isMaskedArray(labels) and (labels.mask == found.mask).all() for labels in found.labels.values())
     assert found.rand_index[2] == 1.0, "the two halves of this scene exchange no light"
     assert found.eigenvectors.shape == (len(found.eigenvalues), 24, 24) and found.eigenvalues[0] == 1
     assert found.evidence[2]["exchange"].shape == (2, 2)

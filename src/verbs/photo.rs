@@ -1,6 +1,7 @@
 //! Single pictures of a source: a photo under a pattern, and the true region of each pixel.
 
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use serde_json::json;
 
@@ -9,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::finding::{Grade, worst};
 use crate::image::{Image, Resolution};
 use crate::io::name::Name;
-use crate::io::{npy, picture};
+use crate::io::{npy, picture, raster};
 use crate::lab::{
     self, Lab, Log, OperatorChoice, OperatorSettings, SinglePhoto, SourceKind, byte_count, text,
 };
@@ -37,9 +38,36 @@ pub struct TakePhoto {
     /// [default: photo.png, or the first free one of photo-2.png, photo-3.png, …]
     #[arg(short = 'o', long = "output", value_name = "FILE")]
     pub files: Vec<PathBuf>,
+    /// The exposure of .png files: a factor, after which light of 1 is white; or auto, with which the brightest half per cent is white
+    #[arg(long, value_name = "auto|X", default_value = "auto")]
+    pub exposure: Exposure,
+    /// Pixels of .png files for each pixel of the photo, along each side
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
+    pub scale: u8,
     /// Where the standard error of each pixel goes, as an image like the photo's; a scene is then traced for this photo
     #[arg(long, value_name = "FILE")]
     pub error: Option<PathBuf>,
+}
+
+/// The exposure of a picture for people.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Exposure {
+    /// The brightest half per cent of the samples is white.
+    Auto,
+    /// All light is multiplied by this factor. Light of 1 is then white.
+    Times(f32),
+}
+
+impl FromStr for Exposure {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text.trim().parse() {
+            _ if text == "auto" => Ok(Self::Auto),
+            Ok(factor) if factor > 0.0 && f32::is_finite(factor) => Ok(Self::Times(factor)),
+            _ => Err(format!("`{text}` is neither auto nor a number above 0")),
+        }
+    }
 }
 
 /// Write which region of the scene each pixel sees: the truth that a segmentation is measured against
@@ -69,6 +97,18 @@ impl TakePhoto {
         OperatorSettings { choice, memory: self.memory, ..OperatorSettings::default() }
     }
 
+    /// Writes an image. A `.png` file has the requested exposure and scale.
+    fn write_picture(&self, file: &Path, image: &Image) -> Result<()> {
+        if !file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
+            return picture::write(file, image);
+        }
+        let factor = match self.exposure {
+            Exposure::Auto => raster::exposure(image),
+            Exposure::Times(factor) => factor,
+        };
+        raster::develop(image, factor).enlarged(usize::from(self.scale)).write_png(file)
+    }
+
     /// Writes the photo into `files`, writes its standard error if a file is named for it, and ends the open run. The returned flag is
     /// false if a finding about the rig fails. Fails if a file cannot be written or the standard error is not known.
     pub fn write(
@@ -79,11 +119,11 @@ impl TakePhoto {
     ) -> Result<(Content<'static>, bool)> {
         let photo = &taken.photo;
         for file in files {
-            picture::write(file, photo)?;
+            self.write_picture(file, photo)?;
             tell_written(lab, file);
         }
         if let Some(file) = &self.error {
-            picture::write(file, taken.standard_error.as_ref().ok_or_else(unknown_error)?)?;
+            self.write_picture(file, taken.standard_error.as_ref().ok_or_else(unknown_error)?)?;
             tell_written(lab, file);
         }
         let mut content = Content::default();

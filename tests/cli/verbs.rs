@@ -344,6 +344,33 @@ fn compensation_that_has_to_be_clipped_is_exit_status_1_and_says_so() {
     assert_eq!(shape, [16, 16, 3]);
 }
 
+/// Each pixel of the photo is a square of the picture, and a larger exposure is brighter at every pixel that is neither black nor white.
+#[test]
+fn pictures_of_photos_have_an_exposure_and_a_scale() {
+    let folder = folder();
+    let z = zigzag();
+    let picture = |name: &str, more: &[&str]| {
+        let file = inside(&folder, name);
+        let mut arguments =
+            vec!["photo", &z, "--size", "8x6", "--spp", "4", "--channels", "luma", "-o", &file];
+        arguments.extend(more);
+        let output = run(&arguments);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        image::open(&file).expect("it was written").to_luma8()
+    };
+    let (plain, large) = (picture("a.png", &[]), picture("b.png", &["--scale", "5"]));
+    assert_eq!((plain.dimensions(), large.dimensions()), ((8, 6), (40, 30)));
+    assert!(large.enumerate_pixels().all(|(x, y, pixel)| pixel == plain.get_pixel(x / 5, y / 5)));
+    let (dim, bright) = (picture("c.png", &["--exposure", "1"]), picture("d.png", &["--exposure", "1.5"]));
+    assert!(dim.pixels().zip(bright.pixels()).all(|(a, b)| a.0[0] < b.0[0] || b.0[0] == 255 || a.0[0] == 0));
+    assert!(dim.pixels().any(|pixel| pixel.0[0] > 0));
+    for (option, wrong) in
+        [("--exposure", "0"), ("--exposure", "bright"), ("--scale", "0"), ("--scale", "65")]
+    {
+        assert_error(&["photo", &z, option, wrong, "-o", &inside(&folder, "e.png")], &[option, wrong]);
+    }
+}
+
 #[test]
 fn a_gray_target_may_have_three_channels() {
     let folder = folder();
