@@ -296,7 +296,7 @@ mod tests {
             let judged = (0..300).filter_map(|_| judge(&[photo(&mut random, wrong)]));
             judged.filter(|judged| judged.p_value < 1e-3).count()
         };
-        // Each photo has a chance of 0.001 to be refuted, so three or more of 300 have a chance of 0.003.
+        // Each photo has a chance of 0.001 to be refuted, so three or more of 300 have a chance of 0.004.
         assert!(refuted(0.0) <= 2, "right ones");
         assert_eq!(refuted(2.0), 300, "wrong ones");
     }

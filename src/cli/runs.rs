@@ -47,7 +47,7 @@ struct PruneArgs {
     /// The folder
     #[arg(value_name = "FOLDER", default_value = "out")]
     folder: PathBuf,
-    /// Remove them; without this, only say what would be removed
+    /// Remove the journals; without this option, only say what would be removed
     #[arg(long)]
     delete: bool,
 }

@@ -71,7 +71,7 @@ pub(super) const LINK: &str =
 pub(super) struct Spot {
     folder: system::Folder,
     name: PathBuf,
-    /// Whether the path lies below a top folder, so that no link is followed.
+    /// Whether the path lies in the folder of a run or of the cache, where links are not followed.
     pub(super) is_ours: bool,
 }
 

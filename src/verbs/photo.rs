@@ -44,7 +44,7 @@ pub struct TakePhoto {
     /// Pixels of .png files for each pixel of the photo, along each side
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
     pub scale: u8,
-    /// Where the standard error of each pixel goes, as an image like the photo's; a scene is then traced for this photo
+    /// The file for the standard error of each pixel, an image as large as the photo; a scene is then traced for this photo alone
     #[arg(long, value_name = "FILE")]
     pub error: Option<PathBuf>,
 }

@@ -1,4 +1,4 @@
-//! Tests of the verification of answers with light that is independent of them.
+//! Tests that answers are verified by light from photos or paths that the answers did not use.
 
 use crate::analysis::compensate::compensate;
 use crate::analysis::segment::{Cut, segment};

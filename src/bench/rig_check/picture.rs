@@ -304,8 +304,8 @@ mod tests {
         }
     }
 
-    /// With overscan, the projector shows its frame larger than its field. With borders two pixels wide, the outer two columns or rows are
-    /// lost. The border has 240 · 160 − 236 · 156 = 1584 pixels.
+    /// With overscan, the projector enlarges its frame, so the outermost columns or rows are not shown. Here these are two at each side, as
+    /// wide as the pattern's border. The border has 240 · 160 − 236 · 156 = 1584 pixels.
     #[test]
     fn a_border_that_is_cut_off_at_two_sides_has_the_light_of_the_other_two() {
         let size = Resolution::new(240, 160);

@@ -160,7 +160,7 @@ impl RitzPair {
         evenly(noise, n).hypot(self.asymmetric).hypot(unresolved)
     }
 
-    /// A limit for the residual of the true operator that includes noise only along one direction. It combines two terms: the part of the
+    /// A limit for the residual of the true operator. It includes the noise along one direction only, and combines two terms: the part of the
     /// residual that the stated errors of the products do not explain, and the component of these errors along any one direction of the
     /// space. If no errors are stated, the limit is the residual itself.
     pub fn beyond_noise(&self, n: usize) -> f64 {

@@ -118,7 +118,7 @@ pub struct Minres {
     /// The previous and the current Lanczos vector, orthonormal in the inner product of `M⁻¹`.
     v_old: Vec<f64>,
     v: Vec<f64>,
-    /// `M⁻¹ v` of both vectors.
+    /// `M⁻¹` times `v_old`, times `v`, and times the next Lanczos vector.
     z_old: Vec<f64>,
     z: Vec<f64>,
     z_next: Vec<f64>,

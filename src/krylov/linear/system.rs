@@ -207,8 +207,8 @@ impl System {
         }
     }
 
-    /// Scales the first iterate once the operator's power of two is known. If the operator's products were zero so far, the exponent is set
-    /// to 0. Returns the exponent of the power of two that multiplied the iterate.
+    /// Scales the first iterate, once, by the ratio of the powers of two that divide the operator's products and `b`. If all products were
+    /// zero so far, the operator's exponent is set to 0. Returns the exponent by which the iterate was scaled.
     pub(crate) fn divide(&mut self) -> Result<i32> {
         let shift = *self.tally.operator_power.get_or_insert(0) - self.rhs_power;
         if !std::mem::replace(&mut self.is_divided, true) {

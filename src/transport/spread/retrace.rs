@@ -85,7 +85,7 @@ pub(super) fn trace_part(comm: &Arc<dyn Comm>, tracer: Option<&mut Tracer>, sett
     comm.receive(0);
 }
 
-/// Divides into ranges the pixels of the camera, and then those of a projector that stands apart.
+/// Divides the camera's pixels into ranges, and then the projector's pixels if the rig is not coaxial.
 fn ranges(tracer: &Tracer, settings: &TraceSettings) -> Vec<StartPixels> {
     let StartPixels { camera, projector } = tracer.start_pixels(settings);
     let of_one = |camera, projector| {

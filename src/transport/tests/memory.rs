@@ -267,7 +267,8 @@ fn merging_takes_the_contributions_and_twice_their_rows() {
     assert!(bytes.most <= bound, "{bytes:?} above {bound}");
 }
 
-/// On four threads, the sums of all tasks take at most a quarter of the memory of the contributions, or a single task computes all sums.
+/// On four threads, the tasks' sums together take at most a quarter of the contributions' memory. If they would take more, a single task
+/// computes all sums.
 #[test]
 fn sums_over_rows_take_a_quarter_of_the_contributions() {
     for (each, tasks) in [(3, 1), (24, 2), (72, 4)] {

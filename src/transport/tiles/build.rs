@@ -259,7 +259,8 @@ impl Window {
 mod tests {
     use super::*;
 
-    /// Groups consist of whole bands. Each has a sixteenth of the rows, or more if some thread would otherwise have no window of the group.
+    /// Groups consist of whole bands. A group has a sixteenth of the rows, or more if it would otherwise have fewer windows than there are
+    /// threads.
     #[test]
     fn groups_are_whole_bands_with_work_for_every_thread() {
         for threads in [1, 2, 3, 8] {

@@ -55,7 +55,7 @@ pub struct Compensate {
     /// What speeds up methods without a box [default: diagonal]
     #[arg(long, value_enum)]
     pub precondition: Option<Precondition>,
-    /// Some lens is out of focus: krylov-box takes the light for a mixture of blurs, as it does anyway where the rig is not coaxial
+    /// A lens is out of focus: krylov-box then models the light as a mixture of blurs, which it always does if the rig is not coaxial
     #[arg(long)]
     pub out_of_focus: bool,
     /// The width of the lens' blur in pixels, for --precondition defocus [default: measured by one photo more]
@@ -64,8 +64,8 @@ pub struct Compensate {
     /// The radiance that 1 in the target stands for, in W/(m² sr), or in DN/s on a rig [default: half the median of the white photo]
     #[arg(long, value_name = "L", value_parser = number::<f64>)]
     pub peak: Option<f64>,
-    /// The folder of a run on this source, of `krylux relight` or of any verb that keeps its photos: a model of the light answers, and
-    /// --photos only correct it. A run of `krylux relight`, given as SOURCE itself, answers without any photo
+    /// The folder of a run on this source, by `krylux relight` or any verb that keeps its photos: the pattern is computed from a model of
+    /// its photos, and --photos only correct it. If SOURCE is itself a run of `krylux relight`, no photo is taken
     #[arg(long, value_name = "FOLDER")]
     pub model: Option<PathBuf>,
     /// One gray system, or red, green and blue as three

@@ -44,7 +44,7 @@ pub struct Eigs {
     #[arg(long, value_name = "N", value_parser = count::<usize>)]
     pub photos: Option<usize>,
     /// Done when each residual norm is at most this share of the matrix norm; exit with 1 if that is not reached. Without
-    /// it, the photos end where they would tell no more: at 1e-8, or where the noise of the photos is larger
+    /// it, the search ends at 1e-8, or at the noise of the photos if that is larger
     #[arg(long, value_name = "X", value_parser = number::<f64>)]
     pub tolerance: Option<f64>,
     /// The method
