@@ -312,7 +312,7 @@ fn operators_that_only_claim_symmetry_are_found_out() {
         let found = run(method, &system, &accurate());
         assert_eq!(found.stats.status, Status::NotSymmetric, "{method:?}");
         assert!(found.stats.products <= 3, "{method:?}: {}", found.stats.products);
-        assert_eq!(found.stats.status.to_string(), "operator is not symmetric");
+        assert_eq!(found.stats.status.to_string(), "the operator is not symmetric");
     }
 }
 
