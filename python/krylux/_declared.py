@@ -1,5 +1,6 @@
 """Verbs whose options krylux declares: methods with signature and documentation, and the stub that describes them to type checkers."""
 
+import difflib
 import inspect
 import json
 import os
@@ -47,13 +48,23 @@ def _method(cls, verb, about, parameters):
     named = [name for name, _, kind, _ in parameters if kind.startswith("ArrayLike")]
 
     def method(*arguments, **options):
-        (_, lab), *given = signature.bind(*arguments, **options).arguments.items()
+        try:
+            (_, lab), *given = signature.bind(*arguments, **options).arguments.items()
+        except TypeError as error:
+            raise TypeError(f"{verb}() {error}{_meant(options, signature.parameters)}") from None
         return ask(lab, verb, *pictures_apart(lab, dict(given), named))
 
-    method.__name__, method.__qualname__, method.__module__ = verb, f"{cls.__qualname__}.{verb}", cls.__module__
+    method.__name__, method.__qualname__, method.__module__ = verb, f"Lab.{verb}", "krylux.lab"
     method.__signature__ = signature
     method.__doc__ = _documentation(about, parameters)
     return method
+
+
+def _meant(options, known):
+    """What an option that is not known may have been meant to be."""
+    unknown = [name for name in options if name not in known]
+    near = difflib.get_close_matches(unknown[0], known, 1) if unknown else []
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def pictures_apart(lab, options, names):

@@ -16,13 +16,21 @@ from conftest import ROOT, SCENES
     (np.ones((24, 24, 3)), errors.OptionError, "pattern: it is coloured, but the laboratory is gray"),
     (np.ones((24, 24), complex), errors.ArrayError, "pattern: its data type is complex128"),
     (np.full((24, 24), np.nan), errors.OptionError, "pattern: 576 of its values are NaN"),
-    ("white", errors.ArrayError, "pattern: its data type"),
+    ("wihte", errors.OptionError, "pattern: expected white, black"),
+    ("pixel:24,0", errors.OptionError, "pattern: pixel 24,0 lies outside"),
+    (b"white", errors.ArrayError, "pattern: its data type"),
 ])
 def test_wrong_patterns_are_named(zigzag, pattern, kind, text):
     with pytest.raises(kind) as caught:
         zigzag.photo(pattern)
     assert str(caught.value).startswith(text) and "\n  help: " in str(caught.value)
     assert caught.value.option == "pattern" and caught.value.help in str(caught.value)
+
+
+def test_options_that_do_not_exist_are_named_as_they_were_asked_for(zigzag):
+    with pytest.raises(TypeError, match=r"^segment\(\) got an unexpected keyword argument 'grups'; did you mean 'groups'\?$"):
+        zigzag.segment(grups=[2])
+    assert krylux.Lab.segment.__qualname__ == "Lab.segment"
 
 
 def test_wrong_vectors_are_named(zigzag):
