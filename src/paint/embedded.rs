@@ -447,7 +447,7 @@ mod tests {
         assert_eq!(kept.groups, None);
         let groups = lab.ask(&Segment { groups: vec![2, 3], photos: Some(10), ..Segment::default() })?;
         let kept = Kept::of(&groups, &groups.content());
-        assert_eq!(kept.groups, Some(PageAnswer::from(&groups.segmentation)));
+        assert_eq!(kept.groups, Some(PageAnswer::from(&groups)));
         assert_eq!(kept.eigenvectors, None);
         Ok(())
     }

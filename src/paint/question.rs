@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::canvas::{Canvas, Light};
-use crate::analysis::Segmentation;
 use crate::analysis::planes::{self, Planes};
 use crate::error::{Error, Result};
 use crate::krylov::{EigsOptions, Method, SolveOptions, eigs, solve_adjoint};
+use crate::lab::Answer as _;
 use crate::lab::text::decimal;
 use crate::operator::{Adjoint, Operator, Symmetry, delegate};
 use crate::transport::Part;
@@ -54,13 +54,14 @@ pub struct PageAnswer {
     pub planes: Planes,
 }
 
-impl From<&Segmentation> for PageAnswer {
-    fn from(found: &Segmentation) -> Self {
+impl From<&Segmented> for PageAnswer {
+    fn from(answer: &Segmented) -> Self {
+        let found = &answer.segmentation;
         let plane = |labels: &Vec<u8>| labels.iter().map(|&label| f64::from(label)).collect();
         Self {
             values: found.eigenvalues.clone(),
             groups: found.labels.iter().map(|(groups, _)| *groups).collect(),
-            status: found.status.clone(),
+            status: answer.headline(),
             planes: found.labels.iter().map(|(_, labels)| plane(labels)).collect(),
         }
     }
@@ -101,8 +102,7 @@ impl Canvas<'_> {
         let request = Segment { groups, eigenvectors, ..Segment::default() };
         let resolution = self.camera();
         let global = &mut self.operators(Part::Global)?[0];
-        let Segmented { segmentation, .. } = request.run(global, resolution, 0)?;
-        let mut answer = PageAnswer::from(&segmentation);
+        let mut answer = PageAnswer::from(&request.run(global, resolution, 0)?);
         answer.status += self.of_channel();
         Ok(answer)
     }

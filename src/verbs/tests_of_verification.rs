@@ -258,7 +258,10 @@ fn the_page_of_a_refuted_answer_says_so() -> Result<()> {
         let read = |name: &str| std::fs::read_to_string(run.join(name)).map_err(Error::reading(&run));
         let (page, record) = (read("report.html")?, read("run.json")?);
         // The colour of the page and the sentence at its top follow from this finding.
-        assert_eq!(page.contains("check fails: refuted by light paths of another seed"), is_refuted);
+        assert_eq!(
+            page.contains("check fails: refuted: photos of the eigenvectors by light paths of another seed"),
+            is_refuted
+        );
         let is_good = saved.findings.iter().all(|finding| finding.grade == Grade::Ok);
         assert_eq!(page.contains("class=\"verdict good\""), is_good);
         assert_eq!(record.contains("\"verdict\": \"refuted\""), is_refuted, "{record}");
