@@ -230,7 +230,7 @@ def test_the_example_of_the_readme_runs_as_it_is_printed(page, tmp_path):
 
 def test_a_notebook_shows_labels_photos_and_spectra(zigzag):
     found = zigzag.segment([2], photos=12)
-    assert found._repr_png_().startswith(b"\x89PNG") and "adjusted" not in found._repr_html_()
+    assert found._repr_png_().startswith(b"\x89PNG") and "independent regions" in found._repr_html_()
     assert zigzag._repr_html_().count("data:image/png") == 1
     pairs = zigzag.eigs(2, part="global", photos=8)
     assert pairs._repr_html_().count("<img") == 2 and "<svg" in pairs._repr_html_()
