@@ -1,8 +1,9 @@
 //! Writes the generated parts of the guide and the README anew: the reference of the command line, and all pictures.
 //!
-//! `cargo run --release --example regenerate_guide [pictures|reference]`, in the repository.
+//! `cargo run --release --example regenerate_guide [pictures|gallery|reference]`, in the repository.
 
 mod concepts;
+mod gallery;
 mod panels;
 mod readme;
 mod reference;
@@ -20,7 +21,8 @@ fn main() -> Result<()> {
     if is_asked("reference") {
         std::fs::write(reference::PAGE, reference::page(krylux::cli::command()))
             .map_err(Error::writing(reference::PAGE))?;
-        println!("{}", reference::PAGE);
+        std::fs::write(gallery::PAGE, gallery::page()).map_err(Error::writing(gallery::PAGE))?;
+        println!("{}, {}", reference::PAGE, gallery::PAGE);
     }
     if is_asked("pictures") {
         std::fs::create_dir_all(PICTURES).map_err(Error::writing(PICTURES))?;
@@ -31,6 +33,9 @@ fn main() -> Result<()> {
         concepts::convergence(&folder.join("convergence.svg"))?;
         concepts::frozen_and_fresh(&folder.join("frozen-and-fresh.svg"))?;
         println!("{PICTURES}");
+    }
+    if is_asked("pictures") || is_asked("gallery") {
+        gallery::pictures(Path::new(PICTURES))?;
     }
     Ok(())
 }

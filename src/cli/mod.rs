@@ -9,8 +9,6 @@ mod console;
 mod embedded_page;
 mod generated;
 mod info;
-#[cfg(not(feature = "paper"))]
-mod left_out;
 mod matrix;
 mod opener;
 mod opening;
@@ -59,10 +57,7 @@ enum Verb {
     Paint(paint::Args),
     Rig(rig::Args),
     Matrix(matrix::Args),
-    #[cfg(feature = "paper")]
     Reproduce(reproduce::Args),
-    #[cfg(not(feature = "paper"))]
-    Reproduce(left_out::Args),
     Info(info::Args),
     Runs(runs::Args),
     Plan(asked::Asked<Plan, opening::Traced, ()>),
@@ -77,6 +72,26 @@ enum Verb {
     #[cfg(any(feature = "gige", feature = "usb3"))]
     #[command(hide = true)]
     DescribeCamera(rig::DescribeCamera),
+}
+
+/// `krylux reproduce` in a build without the figures of the paper.
+#[cfg(not(feature = "paper"))]
+mod reproduce {
+    use super::{Console, Error, Outcome};
+
+    /// Make the paper's figures again (not in this build of krylux)
+    #[derive(clap::Args)]
+    #[command(after_help = "Example:\n  krylux reproduce all")]
+    pub(super) struct Args {
+        #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
+        words: Vec<String>,
+    }
+
+    pub(super) fn run(args: &Args, _: &Console) -> crate::Result<Outcome> {
+        let named = [&["reproduce".to_owned()], args.words.as_slice()].concat().join(" ");
+        Err(Error::option(&named, "this build of krylux leaves out the figures of the paper")
+            .help("build krylux with its default features: cargo install --path . --locked"))
+    }
 }
 
 /// The command line as clap describes it. The reference in the guide is generated from it.
@@ -121,10 +136,7 @@ pub fn main() -> ExitCode {
         Verb::Rig(args) => rig::run(args, &console),
         Verb::Plan(args) => plan::run(args, &console),
         Verb::Matrix(args) => matrix::run(args, &console),
-        #[cfg(feature = "paper")]
         Verb::Reproduce(args) => reproduce::run(args, &console),
-        #[cfg(not(feature = "paper"))]
-        Verb::Reproduce(args) => args.run(),
         Verb::Labels(args) => photo::labels(args, &console),
         Verb::Compare(args) => compare::run(args, &console),
         Verb::Index(args) => runs::index(args, &console),

@@ -5,9 +5,15 @@
 
 mod blocks;
 mod commands;
+#[allow(dead_code, reason = "the generator of the guide uses the rest")]
+#[path = "../../examples/regenerate_guide/gallery.rs"]
+mod gallery;
 mod glossary;
 mod links;
 mod pages;
+#[allow(dead_code, reason = "the generator of the guide uses the rest")]
+#[path = "../../examples/regenerate_guide/panels.rs"]
+mod panels;
 #[path = "../../examples/regenerate_guide/reference.rs"]
 mod reference;
 mod references;

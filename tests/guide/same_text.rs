@@ -1,6 +1,7 @@
 //! Texts that stand in two places are the same in both.
 
 use crate::blocks;
+use crate::gallery;
 use crate::pages::{self, Page, read};
 use crate::reference;
 
@@ -12,6 +13,11 @@ fn the_reference_is_what_the_command_line_says() {
         made == written,
         "run `cargo run --release --example regenerate_guide reference`; the first line that differs: {changed:?}"
     );
+}
+
+#[test]
+fn the_gallery_is_what_its_generator_writes() {
+    assert!(gallery::page() == read(gallery::PAGE), "run `cargo run --release --example regenerate_guide`");
 }
 
 /// The lines of Rust in a page, without their indentation.
