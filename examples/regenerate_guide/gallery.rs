@@ -87,21 +87,21 @@ const ENTRIES: [Entry; 9] = [
     Entry {
         name: "eigs",
         title: "Find eigenvectors of the light transport",
-        sentence: "The three strongest eigenvectors of all light: projected, each comes back as a photo of itself.",
+        sentence: "The three strongest eigenvectors of the global light of a box: projected, each comes back as a photo of itself.",
         commands: &[
-            "krylux eigs assets/scenes/zigzag/scene.glb --size 48 --photos 60 --count 3 -o out/gallery/eigs",
+            "krylux eigs assets/scenes/cornell/scene.glb --size 48 --part global --spp 256 --photos 80 --count 3 -o out/gallery/eigs",
         ],
         pictures: &["eigs/eigenvector-01.png", "eigs/eigenvector-02.png", "eigs/eigenvector-03.png"],
     },
     Entry {
         name: "photo",
         title: "Take a photo",
-        sentence: "A box with coloured walls under white light, and under one lit pixel.",
+        sentence: "A box with coloured walls under white light, and under a checkerboard.",
         commands: &[
             "krylux photo assets/scenes/cornell/scene.glb --size 128 --spp 256 -o out/gallery/white.png",
-            "krylux photo assets/scenes/cornell/scene.glb --size 128 --spp 256 --pattern pixel:40,70 -o out/gallery/pixel.png",
+            "krylux photo assets/scenes/cornell/scene.glb --size 128 --spp 256 --pattern checker:16 -o out/gallery/checker.png",
         ],
-        pictures: &["white.png", "pixel.png"],
+        pictures: &["white.png", "checker.png"],
     },
     Entry {
         name: "rig",
