@@ -12,6 +12,7 @@ use crate::image::{Image, Resolution};
 use crate::io::manifest::Verification;
 use crate::report::content::Content;
 use crate::report::run::{AnswerPage, Files, PAINT};
+use crate::report::text;
 
 /// An array that a program passes for a field of a request, in place of a file.
 #[derive(Clone, Debug)]
@@ -108,7 +109,7 @@ pub trait Answer {
 
     /// The sentences at the top of the page. The default is the headline.
     fn sentence(&self) -> String {
-        format!("{}.", self.headline())
+        format!("{}.", text::capital(&self.headline()))
     }
 
     /// The named arrays and facts.

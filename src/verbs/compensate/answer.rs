@@ -10,7 +10,7 @@ use crate::analysis::{Clamping, CompensateOptions, Compensation, CompensationRow
 use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio, decimal};
 use crate::krylov::Method;
-use crate::lab::text::percentage;
+use crate::lab::text::{capital, percentage};
 use crate::lab::{Answer, Lab, Verb, Verified};
 use crate::report::content::Content;
 use crate::report::run::AnswerPage;
@@ -206,14 +206,7 @@ impl Answer for Compensated {
 
     fn sentence(&self) -> String {
         let found = &self.found;
-        let mut text = format!(
-            "{} photos by {}: {}. What is seen differs from the target by {} of it, uncompensated by {}.",
-            found.photos,
-            self.method(),
-            found.status,
-            decimal(found.residual, 4),
-            decimal(found.uncompensated_residual, 4)
-        );
+        let mut text = format!("{}. By {}: {}.", capital(&self.headline()), self.method(), found.status);
         if found.unclipped.is_some() {
             let _ = write!(
                 text,
