@@ -1,6 +1,6 @@
 //! Writes the generated parts of the guide and the README anew: the reference of the command line, and all pictures.
 //!
-//! `cargo run --release --example regenerate_guide [pictures|gallery|reference]`, in the repository.
+//! `cargo run --release --example regenerate_guide [pictures|gallery|readme|reference]`, in the repository.
 
 mod concepts;
 mod gallery;
@@ -24,10 +24,11 @@ fn main() -> Result<()> {
         std::fs::write(gallery::PAGE, gallery::page()).map_err(Error::writing(gallery::PAGE))?;
         println!("{}, {}", reference::PAGE, gallery::PAGE);
     }
+    if is_asked("pictures") || is_asked("readme") {
+        readme::first_look(&Path::new(PICTURES).join("first-look.png"))?;
+    }
     if is_asked("pictures") {
-        std::fs::create_dir_all(PICTURES).map_err(Error::writing(PICTURES))?;
         let folder = Path::new(PICTURES);
-        readme::first_look(&folder.join("first-look.png"))?;
         concepts::matrix(&folder.join("matrix.png"))?;
         concepts::photos_of_photos(&folder.join("photos-of-photos.png"))?;
         concepts::convergence(&folder.join("convergence.svg"))?;

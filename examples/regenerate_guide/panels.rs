@@ -23,6 +23,20 @@ pub fn row(pictures: &[Raster], factor: usize) -> Raster {
     row
 }
 
+/// Pictures of one width below one another.
+pub fn column(pictures: &[Raster]) -> Raster {
+    let width = pictures.iter().map(|of| of.resolution().width).max().unwrap_or(0);
+    let height = pictures.iter().map(|of| of.resolution().height + GAP).sum::<usize>().saturating_sub(GAP);
+    let size = Resolution::new(width, height);
+    let mut column = Raster::from_pixels(size, std::iter::repeat_n([255; 3], size.pixels()));
+    let mut y = 0;
+    for picture in pictures {
+        column.paste(picture, 0, y);
+        y += picture.resolution().height + GAP;
+    }
+    column
+}
+
 /// A photo at the exposure that suits it.
 pub fn photo(image: &Image) -> Raster {
     raster::develop(image, raster::exposure(image))
