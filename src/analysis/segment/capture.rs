@@ -91,7 +91,7 @@ impl Capture {
         loop {
             let block = self.lanczos.as_ref().map_or(0, Factorization::block);
             let photos = self.options.photos - self.photos_of_degree;
-            // After as many rounds as the default gives each start, the capture may add starts. A capture with a single start adds none.
+            // After `ROUNDS` photos per start, the capture may add further starts. A capture with a single start never adds any.
             let stage = if block == 1 { photos } else { photos.min(ROUNDS * block) };
             let status = self.take(global, stage)?.stats.status;
             let (Some(graph), Some(lanczos)) = (&self.graph, &mut self.lanczos) else { return Ok(()) };

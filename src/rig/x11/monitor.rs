@@ -196,9 +196,9 @@ pub(crate) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -
     Ok(knows_ramp)
 }
 
-/// Whether somebody has set these gamma ramps of red, green and blue. Each ramp must then rise or fall throughout, and at least one ramp
-/// must span part of the range. A server without a real display has no ramps or only zeros. After its first client has left, Xvfb returns
-/// uninitialized memory.
+/// Whether these gamma ramps of red, green and blue were really set. They count as set if each ramp only rises or only falls, and at least
+/// one spans a part of the range. A server without a real display has no ramps or only zeros, and Xvfb, after its first client has left,
+/// returns uninitialized memory.
 fn is_ramp(ramps: [&[u16]; 3]) -> bool {
     let tolerance = (65535.0 * RAMP_TOLERANCE) as u16;
     let goes_one_way = |ramp: &[u16]| {
