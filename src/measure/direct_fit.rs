@@ -180,7 +180,8 @@ pub(crate) struct BlurDoubt {
 }
 
 impl BlurDoubt {
-    /// The uncertainty of the blur for `channels` channels. `fit` fits a channel with a given additional share of light for the neighbours.
+    /// The uncertainty of the blur for `channels` channels. `fit(channel, share)` fits a channel when the share of a pixel's light that goes
+    /// to its neighbours is larger by `share`.
     pub(crate) fn of<'a>(
         resolution: Resolution,
         channels: usize,

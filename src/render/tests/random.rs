@@ -128,7 +128,7 @@ fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_it
 const COUNT: usize = 1 << 20;
 
 /// `random4` at 128 × 8 × 8 × 128 keys (pixel, sample, vertex, seed), each shifted by `offset`. Without a shift, all coordinates are even,
-/// so a shift by one never gives another of these keys, and all pairs are disjoint. Pixels lie in 16 × 8 blocks of an image of width 128.
+/// so a key that is shifted by one is none of these keys. The pixels form 16 × 8 blocks in an image of width 128.
 fn numbers(gpu: &Gpu, offset: [u32; 4]) -> Vec<[f32; 4]> {
     let source = format!(
         "#import rng
