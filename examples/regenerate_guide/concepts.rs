@@ -58,7 +58,7 @@ pub fn photos_of_photos(path: &Path) -> Result<()> {
         let samples = x.iter().map(|&value| value as f32).collect();
         pictures.push(panels::photo(&Image::new(Resolution::new(SIDE, SIDE), 1, samples)?));
     }
-    panels::row(&pictures, 2).write_png(path)
+    panels::grid(&[pictures.as_slice()], 2).write_png(path)
 }
 
 /// How fast the largest eigenvalue is found: each photo projected back, or all photos used together.

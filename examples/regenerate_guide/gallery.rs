@@ -160,9 +160,9 @@ pub fn pictures(folder: &Path) -> Result<()> {
     for entry in &ENTRIES {
         let read = |name: &&str| read(&at("out/gallery").join(name));
         let pictures: Vec<Raster> = entry.pictures.iter().map(read).collect::<Result<_>>()?;
-        let least = pictures.iter().map(|picture| picture.resolution().width).max().unwrap_or(1);
-        let row = panels::row(&pictures, (SIDE / least).max(1));
-        row.write_png(&folder.join(format!("gallery-{}.png", entry.name)))?;
+        let widest = pictures.iter().map(|picture| picture.resolution().width).max().unwrap_or(1);
+        let picture = panels::grid(&[pictures.as_slice()], (SIDE / widest).max(1));
+        picture.write_png(&folder.join(format!("gallery-{}.png", entry.name)))?;
     }
     Ok(())
 }

@@ -7,34 +7,28 @@ use krylux::io::raster::Raster;
 /// Pixels between two pictures.
 const GAP: usize = 8;
 
-/// Pictures of one size in a row, each pixel a square of `factor`.
-pub fn row(pictures: &[Raster], factor: usize) -> Raster {
-    let enlarged: Vec<Raster> = pictures.iter().map(|picture| picture.enlarged(factor)).collect();
-    let width: usize =
-        enlarged.iter().map(|of| of.resolution().width + GAP).sum::<usize>().saturating_sub(GAP);
-    let height = enlarged.iter().map(|of| of.resolution().height).max().unwrap_or(0);
+/// Rows of pictures below one another, each pixel a square of `factor`.
+pub fn grid(rows: &[&[Raster]], factor: usize) -> Raster {
+    let sizes = rows.iter().map(|row| {
+        let widths = row.iter().map(|picture| picture.resolution().width * factor + GAP);
+        let height = row.iter().map(|picture| picture.resolution().height * factor).max().unwrap_or(0);
+        [widths.sum::<usize>().saturating_sub(GAP), height + GAP]
+    });
+    let sizes: Vec<[usize; 2]> = sizes.collect();
+    let width = sizes.iter().map(|size| size[0]).max().unwrap_or(0);
+    let height = sizes.iter().map(|size| size[1]).sum::<usize>().saturating_sub(GAP);
     let size = Resolution::new(width, height);
-    let mut row = Raster::from_pixels(size, std::iter::repeat_n([255; 3], size.pixels()));
-    let mut x = 0;
-    for picture in &enlarged {
-        row.paste(picture, x, 0);
-        x += picture.resolution().width + GAP;
-    }
-    row
-}
-
-/// Pictures of one width below one another.
-pub fn column(pictures: &[Raster]) -> Raster {
-    let width = pictures.iter().map(|of| of.resolution().width).max().unwrap_or(0);
-    let height = pictures.iter().map(|of| of.resolution().height + GAP).sum::<usize>().saturating_sub(GAP);
-    let size = Resolution::new(width, height);
-    let mut column = Raster::from_pixels(size, std::iter::repeat_n([255; 3], size.pixels()));
+    let mut grid = Raster::from_pixels(size, std::iter::repeat_n([255; 3], size.pixels()));
     let mut y = 0;
-    for picture in pictures {
-        column.paste(picture, 0, y);
-        y += picture.resolution().height + GAP;
+    for (row, [_, height]) in rows.iter().zip(sizes) {
+        let mut x = 0;
+        for picture in *row {
+            grid.paste(&picture.enlarged(factor), x, y);
+            x += picture.resolution().width * factor + GAP;
+        }
+        y += height;
     }
-    column
+    grid
 }
 
 /// A photo at the exposure that suits it.

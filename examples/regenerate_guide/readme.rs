@@ -40,7 +40,7 @@ pub fn first_look(path: &Path) -> Result<()> {
         panels::photo_like(&found.observed, &found.target),
         panels::photo(&painted),
     ];
-    panels::column(&[panels::row(&above, 3), panels::row(&below, 3)]).write_png(path)
+    panels::grid(&[above.as_slice(), below.as_slice()], 3).write_png(path)
 }
 
 /// Three waves of coloured light, as a brush would paint them.

@@ -31,6 +31,7 @@ pub(super) fn run(args: &Asked<TakePhoto, Traced, Kept>, console: &Console) -> R
     let channels = request.channels.map_or(ChannelChoice::Native, Into::into);
     let opening = before.opening().channels(channels).operator(&operator);
     let mut lab = opening.open_shown(&after.live, console)?;
+    request.check_scale(lab.resolution())?;
     let pattern = request.pattern.image(lab.projector_resolution())?;
     in_journal(&mut lab, &after.keep, "photo", |lab| {
         let taken = lab.single_photo(&pattern)?;

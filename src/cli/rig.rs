@@ -4,6 +4,8 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use clap::Subcommand;
+
 use super::Outcome;
 use super::asked::Asked;
 use super::console::Console;
@@ -26,7 +28,6 @@ use crate::report::viewer::{Plane, Viewer};
 use crate::verbs::rig::{
     Align, BenchRig, Calibrate, CheckBench, ListDevices, MeasureSheet, PreviewCamera, require_rig,
 };
-use clap::Subcommand;
 
 /// Measure and check the devices of a rig
 #[derive(clap::Args)]

@@ -203,7 +203,7 @@ impl Verification {
         let cause = self.cause.as_deref().unwrap_or("the cause is not proven");
         match self.verdict {
             CheckVerdict::Passed => format!(
-                "passed: {of} by {by}: {error:.1} % off, which noise explains ({noise:.1} %, p = {:.2}); errors from {:.1} % on would have been seen",
+                "passed: {of} by {by}: {error:.1} % off, as noise and the stated residuals allow (noise of the check {noise:.1} %, p = {:.2}); errors from {:.1} % on would have been seen",
                 self.p_value,
                 100.0 * self.resolution
             ),
@@ -211,7 +211,7 @@ impl Verification {
                 format!("refuted: by {by}, the labels are not those of its light; {cause}")
             }
             CheckVerdict::Refuted => format!(
-                "refuted: {of} by {by}: {error:.1} % off, {:.1} standard errors more than noise explains ({noise:.1} %, p = {:.0e}); {cause}",
+                "refuted: {of} by {by}: {error:.1} % off, {:.1} standard errors more than noise and the stated residuals allow (noise of the check {noise:.1} %, p = {:.0e}); {cause}",
                 self.statistic, self.p_value
             ),
             CheckVerdict::TooWeak => format!(
@@ -374,7 +374,7 @@ mod tests {
             resolution: 0.0123,
             cause: None,
         };
-        let said = "passed: photos of the eigenvectors by light paths of another seed: 2.3 % off, which noise explains (0.8 %, p = 0.31)";
+        let said = "passed: photos of the eigenvectors by light paths of another seed: 2.3 % off, as noise and the stated residuals allow (noise of the check 0.8 %, p = 0.31)";
         assert!(found.sentence().starts_with(said), "{}", found.sentence());
         assert_eq!(found.by.to_string(), "light paths of another seed");
         assert_eq!(Independent::AnotherPhoto.to_string(), "one more photo");

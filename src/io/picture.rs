@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::raster::decode_srgb;
+use super::raster::{Raster, decode_srgb};
 use super::{atomic, exr, npy, raster};
 use crate::error::{Error, Result};
 use crate::image::codec::Format;
@@ -69,10 +69,15 @@ pub fn stated_sizes(path: &Path) -> Result<Vec<Resolution>> {
 /// # Errors
 /// [`Error::Data`] if the file has any other extension; [`Error::Write`].
 pub fn write(path: &Path, image: &Image) -> Result<()> {
+    write_shown(path, image, |image| raster::develop(image, raster::exposure(image)))
+}
+
+/// As [`write()`]. `show` makes the picture of a `.png` file.
+pub(crate) fn write_shown(path: &Path, image: &Image, show: impl FnOnce(&Image) -> Raster) -> Result<()> {
     match kind(path) {
         Some(PictureFormat::Npy) => npy::write_image(path, image),
         Some(PictureFormat::Exr) => exr::write_exr(path, &[("", image)]),
-        Some(PictureFormat::Png) => raster::develop(image, raster::exposure(image)).write_png(path),
+        Some(PictureFormat::Png) => show(image).write_png(path),
         Some(PictureFormat::Jpeg) | None => Err(unknown(path)),
     }
 }

@@ -88,10 +88,10 @@ impl WriteMatrix {
     pub fn ask(&self, lab: &mut Lab, file: &Path) -> Result<(Content<'static>, bool)> {
         let matrices = lab.matrices(self.part.into(), self.split_bounces, self.photos)?;
         let shape = (lab.channels(), lab.resolution(), lab.projector_resolution());
-        let is_scene = lab.kind() == SourceKind::Scene;
-        let (paths, noise) =
-            if is_scene { (lab.trace_summary()?.map(|of| of.paths), lab.noise()?) } else { (None, None) };
-        let costs = if is_scene { None } else { Some(lab.costs()?) };
+        let (paths, noise, costs) = match lab.kind() {
+            SourceKind::Scene => (lab.trace_summary()?.map(|of| of.paths), lab.noise()?, None),
+            _ => (None, None, Some(lab.costs()?)),
+        };
         let mut content = write(file, &matrices, shape)?;
         match costs {
             None => of_paths(&mut content, paths, noise.as_ref()),

@@ -49,6 +49,9 @@ pub struct TakePhoto {
     pub error: Option<PathBuf>,
 }
 
+/// The largest side, in pixels, of a picture that is enlarged.
+const MOST_PIXELS: usize = 16_384;
+
 /// The exposure of a picture for people.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Exposure {
@@ -99,14 +102,24 @@ impl TakePhoto {
 
     /// Writes an image. A `.png` file has the requested exposure and scale.
     fn write_picture(&self, file: &Path, image: &Image) -> Result<()> {
-        if !file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
-            return picture::write(file, image);
+        picture::write_shown(file, image, |image| {
+            let factor = match self.exposure {
+                Exposure::Auto => raster::exposure(image),
+                Exposure::Times(factor) => factor,
+            };
+            raster::develop(image, factor).enlarged(usize::from(self.scale))
+        })
+    }
+
+    /// Refuses a scale with which a picture of this resolution would be too large for viewers and memory. Fails with [`Error::Option`].
+    pub fn check_scale(&self, Resolution { width, height }: Resolution) -> Result<()> {
+        let side = width.max(height).saturating_mul(usize::from(self.scale));
+        if self.scale == 1 || side <= MOST_PIXELS {
+            return Ok(());
         }
-        let factor = match self.exposure {
-            Exposure::Auto => raster::exposure(image),
-            Exposure::Times(factor) => factor,
-        };
-        raster::develop(image, factor).enlarged(usize::from(self.scale)).write_png(file)
+        let fault = format!("{} makes a picture with a side of {side} pixels", self.scale);
+        Err(Error::option("--scale", fault)
+            .help(format!("choose one with at most {MOST_PIXELS} pixels a side")))
     }
 
     /// Writes the photo into `files`, writes its standard error if a file is named for it, and ends the open run. The returned flag is

@@ -11,8 +11,8 @@ use crate::lab::{Answer, Lab, RunOptions};
 use crate::measure::RigFile;
 use crate::scene::builtin;
 use crate::transport::Part;
-use crate::verbs::Eigs;
 use crate::verbs::options::LightPart;
+use crate::verbs::{Eigs, Segment};
 
 fn zigzag() -> Result<Lab> {
     Lab::builder_of_scene(builtin::zigzag().to_scene()).size(24, 24).samples(16).open()
@@ -238,6 +238,16 @@ fn in_a_hundred_seeds_one_mistake_is_made_at_most() -> Result<()> {
     let counts = mistakes(0..100)?;
     println!("right answers refuted, wrong ones not refuted: {counts:?}");
     assert!(counts.as_flattened().iter().all(|&count| count <= 1), "right, wrong: {counts:?}");
+    Ok(())
+}
+
+#[test]
+fn the_headline_of_a_segmentation_counts_refuted_regions() -> Result<()> {
+    let mut found = zigzag()?.ask(&Segment { groups: vec![2], photos: Some(12), ..Segment::default() })?;
+    assert!(!found.headline().contains("refuted"), "{}", found.headline());
+    found.refuted = 1;
+    assert!(found.headline().contains(", 1 refuted;"), "{}", found.headline());
+    assert!(found.headline().split_whitespace().count() < 20, "{}", found.headline());
     Ok(())
 }
 

@@ -369,6 +369,9 @@ fn pictures_of_photos_have_an_exposure_and_a_scale() {
     {
         assert_error(&["photo", &z, option, wrong, "-o", &inside(&folder, "e.png")], &[option, wrong]);
     }
+    let huge = ["photo", &z, "--size", "300", "--spp", "1", "--scale", "64", "-o", &inside(&folder, "e.png")];
+    assert_error(&huge, &["--scale", "19200", "16384"]);
+    assert!(!folder.path().join("e.png").exists());
 }
 
 #[test]

@@ -282,14 +282,17 @@ impl Answer for Segmented {
     }
 
     fn headline(&self) -> String {
-        let regions = self.segmentation.regions.count_in_words();
+        let mut regions = self.segmentation.regions.count_in_words();
+        if self.refuted > 0 {
+            regions += &format!(", {} refuted", self.refuted);
+        }
         let best = self.scores.iter().max_by(|a, b| a.1.total_cmp(&b.1));
         let groups = match best {
             Some((groups, score)) => format!("at {groups} groups the adjusted Rand index is {score:.4}"),
             None => {
                 let shares = self.segmentation.labels.iter().filter_map(|of| self.share_of_sure(of.0));
                 let least = 100.0 * shares.fold(1.0, f64::min);
-                format!("at least {least:.1} % of the pixels are sure of their group")
+                format!("at least {least:.1} % of pixels surely labelled")
             }
         };
         format!("{regions}; {groups}; {} photos", self.photos())
