@@ -1,5 +1,6 @@
-//! Speed of the graphics adapter: tracing in rays per second with the longest dispatch, and GPU matrix products against copies in
-//! GPU memory. `cargo bench --bench device`; `-- --force` also measures products on software Vulkan; see `guide/src/right/gpu.md`.
+//! The graphics adapter by its own clock: tracing, assembly of the matrix and products, each beside its limit; and on the clock of the
+//! host: the start, the matrix, and 50 photos. `cargo bench --bench device`; `-- --force` also measures software Vulkan;
+//! see `guide/src/right/gpu.md`.
 
 #[path = "arguments/spread.rs"]
 mod spread;
@@ -7,15 +8,16 @@ mod spread;
 use std::time::{Duration, Instant};
 
 use krylux::image::Resolution;
+use krylux::krylov::{EigsOptions, eigs};
 use krylux::render::{AdapterSummary, TraceSettings, Tracer};
 use krylux::scene::{Scene, builtin};
-use krylux::transport::{Assembled, Channels, GpuMatrix, Part, TransportMatrix, assemble};
+use krylux::transport::{Assembled, Backend, Channels, GpuMatrix, Part, assemble};
 use spread::spread;
 
-/// Repetitions of each measurement; products and copies alternate.
+/// Repetitions of each measurement.
 const TURNS: usize = 9;
-/// Minimum duration of a measurement, in seconds.
-const ENOUGH: f64 = 0.1;
+/// Products that are timed together: those of a run.
+const PHOTOS: u32 = 50;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -25,147 +27,108 @@ fn main() -> Outcome<()> {
     if has("--test") {
         return Ok(());
     }
-    let adapter = adapter()?;
+    let start = Instant::now();
+    let adapter = Tracer::new(&builtin::corner().to_scene(), None)?.adapter().clone();
+    let opened = 1e3 * start.elapsed().as_secs_f64();
     println!(
-        "krylux {}, {} ({}), {} {}; 64 samples, six bounces; {TURNS} turns, median (least to most)\n",
+        "krylux {}, {} ({}), {} {}; 64 samples, six bounces; {TURNS} turns, median (least to most); times in ms",
         env!("CARGO_PKG_VERSION"),
         adapter.name,
         adapter.kind,
         adapter.driver,
         adapter.driver_version
     );
-    let sides: &[usize] = if adapter.is_processor() { &[128] } else { &[128, 512] };
-    let takes_products = !adapter.is_processor() || has("--force");
-    for &side in sides {
-        for (name, scene) in
-            [("corner", builtin::corner().to_scene()), ("box of 100,000", builtin::tessellated_box(100_000))]
-        {
-            println!("{name}, {side}x{side}");
-            let (mut tracer, matrix) = trace(&scene, side)?;
-            merging(&mut tracer, side)?;
-            if takes_products {
-                products(&tracer, &matrix)?;
+    println!("instance and device opened in {opened:.0} ms\n");
+    if adapter.is_processor() && !has("--force") {
+        println!(
+            "on software Vulkan the host assembles and multiplies; -- --force measures the device all the same"
+        );
+        return Ok(());
+    }
+    let sides: &[usize] = if adapter.is_processor() { &[128] } else { &[128, 512, 1024] };
+    println!(
+        "| scene, pixels | entries, millions | tracing | Grays/s | assembly | limit | tracing and matrix, with the host | \
+         50 products | share of a copy's rate | 50 photos |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|");
+    for (name, scene) in [
+        ("corner", builtin::corner().to_scene()),
+        ("cornell", builtin::cornell().to_scene()),
+        ("box of 100,000", builtin::tessellated_box(100_000)),
+    ] {
+        for &side in sides {
+            if let Err(error) = row(&adapter, name, &scene, side) {
+                println!("| {name} {side}² | {error} |");
             }
         }
     }
-    if !takes_products {
-        println!(
-            "\nproducts are the processor's own on software Vulkan; -- --force takes them there all the same"
-        );
-    }
     Ok(())
 }
 
-/// The adapter that is chosen by default.
-fn adapter() -> Outcome<AdapterSummary> {
-    Ok(Tracer::new(&builtin::corner().to_scene(), None)?.adapter().clone())
-}
-
-/// Traces twice, since the first dispatches compile the kernel, and prints the figures of the second pass.
-fn trace(scene: &Scene, side: usize) -> Outcome<(Tracer, TransportMatrix)> {
+/// Prints the figures of a scene at one size.
+fn row(adapter: &AdapterSummary, name: &str, scene: &Scene, side: usize) -> Outcome<()> {
     let mut tracer = Tracer::new(scene, None)?;
+    tracer.assemble_on_device(true);
     let settings = TraceSettings::new(Resolution::new(side, side), 64);
-    let trace = |tracer: &mut Tracer, samples| {
-        let settings = TraceSettings { samples, ..settings };
-        assemble(tracer, &settings, Channels::Luma)
-    };
-    trace(&mut tracer, 1)?;
-    let start = Instant::now();
-    let traced = trace(&mut tracer, 64)?;
-    let seconds = start.elapsed().as_secs_f64();
-    let summary = traced.summary;
-    println!(
-        "  tracing   {:.4} Grays/s while the device worked, {:.4} with all that the host does; {} dispatches, the longest {:.0} ms",
-        summary.rays as f64 / summary.tracing.as_secs_f64() / 1e9,
-        summary.rays as f64 / seconds / 1e9,
-        summary.dispatches,
-        1e3 * summary.longest.as_secs_f64()
-    );
-    Ok((tracer, traced.matrix))
-}
-
-/// From the scene on the device to the finished matrix, where the host and where the device sorts and sums the contributions, in turns.
-fn merging(tracer: &mut Tracer, side: usize) -> Outcome<()> {
-    let settings = TraceSettings::new(Resolution::new(side, side), 64);
-    let mut timed = |on_device: bool| -> krylux::Result<(f64, Assembled)> {
-        tracer.merge_on_device(on_device);
-        let start = Instant::now();
-        let made = assemble(tracer, &settings, Channels::Luma)?;
-        Ok((1e3 * start.elapsed().as_secs_f64(), made))
-    };
-    // The first one by the device compiles its kernels, and is compared with the host.
-    let (_, first) = timed(true)?;
-    let mut times = [Vec::new(), Vec::new()];
+    let made = |tracer: &mut Tracer| assemble(tracer, &settings, Channels::Luma);
+    // The first pass compiles the kernels and makes the buffers.
+    drop(made(&mut tracer)?);
+    let [mut tracing, mut assembly, mut host] = [const { Vec::new() }; 3];
+    let mut last: Option<Assembled> = None;
     for _ in 0..TURNS {
-        for (on_device, times) in [false, true].into_iter().zip(&mut times) {
-            times.push(timed(on_device)?.0);
-        }
+        drop(last.take());
+        let start = Instant::now();
+        let untimed = made(&mut tracer)?;
+        host.push(1e3 * start.elapsed().as_secs_f64());
+        drop(untimed);
+        let (traced, times) = tracer.timed(made)?;
+        let of = |what: &str| {
+            let sum: Duration = times.iter().filter(|(of, _)| *of == what).map(|(_, time)| *time).sum();
+            1e3 * sum.as_secs_f64()
+        };
+        tracing.push(of("tracing"));
+        assembly.push(of("assembly"));
+        last = Some(traced);
     }
-    let [host, device] = times.map(spread);
-    let agrees =
-        if first.summary.merged > 0 { "" } else { " (it does not agree with the host, and is not used)" };
-    println!(
-        "  to the finished matrix: sorted and summed by the host {host} ms, by the device {device} ms{agrees}"
-    );
-    Ok(())
-}
-
-fn products(tracer: &Tracer, matrix: &TransportMatrix) -> Outcome<()> {
-    let start = Instant::now();
-    let resident = GpuMatrix::new(tracer, matrix)?;
-    let moved = start.elapsed();
+    let mut traced = last.ok_or("no turn")?;
+    traced.place(&tracer, Backend::Gpu)?;
+    let fastest = tracing.iter().copied().fold(f64::INFINITY, f64::min);
+    let rays = traced.summary.rays as f64 / fastest / 1e6;
+    let resident = GpuMatrix::new(&tracer, &traced.matrix)?;
     let bytes = resident.bytes_of_product();
-    let [rows, cols] = [matrix.resolution(), matrix.projector_resolution()].map(Resolution::pixels);
-    let x: Vec<f64> = (0..cols).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.5).collect();
-    let mut y = vec![0.0; rows];
-    resident.apply(Part::Full, 0, &x, &mut y)?;
-    let times = enough(|count| resident.time_products(count))?;
+    let pixels = side * side;
+    let x: Vec<f64> = (0..pixels).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.5).collect();
+    resident.apply(Part::Full, 0, &x, &mut vec![0.0; pixels])?;
     // A copy reads and writes each byte: it moves as many bytes as a product if it copies half as many.
-    let adapter = tracer.adapter();
     let half = (bytes / 2).min(adapter.max_storage_binding).min(adapter.max_buffer);
-    let copies = enough(|count| resident.time_copies(half, count))?;
-    let bands = resident.dispatches();
-    let [mut product, mut copied, mut shares, mut dispatches, mut photos, mut here] =
-        [const { Vec::new() }; 6];
+    let copies = u32::try_from((1 << 30) / half.max(1)).unwrap_or(1).clamp(1, 1000);
+    let [mut products, mut shares, mut photos, mut limits] = [const { Vec::new() }; 4];
     for _ in 0..TURNS {
-        let rate = |bytes, time: Duration, count| bytes as f64 * f64::from(count) / time.as_secs_f64() / 1e9;
-        let taken = resident.time_products(times)?;
-        let of_product = rate(bytes, taken, times);
-        dispatches.push(1e3 * taken.as_secs_f64() / f64::from(times) / bands as f64);
-        let of_copy = rate(2 * half, resident.time_copies(half, copies)?, copies);
-        product.push(of_product);
-        copied.push(of_copy);
-        shares.push(of_product / of_copy);
+        let (_, times) = tracer.timed(|_| resident.time_products(PHOTOS))?;
+        let product: Duration = times.iter().map(|(_, time)| *time).sum();
+        let copied =
+            resident.time_copies(half, copies)?.as_secs_f64() / f64::from(copies) / (2.0 * half as f64);
+        products.push(1e3 * product.as_secs_f64());
+        shares.push(copied * bytes as f64 * f64::from(PHOTOS) / product.as_secs_f64());
+        // The contributions are written and read twice, and the entries are written once.
+        limits.push(1e3 * copied * 5.0 * bytes as f64);
         let start = Instant::now();
-        resident.apply(Part::Full, 0, &x, &mut y)?;
+        let mut operator = traced.operator(Part::Full, 0);
+        let options =
+            EigsOptions { count: 10, products: PHOTOS as usize, tolerance: 0.0, ..EigsOptions::default() };
+        eigs(&mut operator, &options)?;
         photos.push(1e3 * start.elapsed().as_secs_f64());
-        let start = Instant::now();
-        matrix.apply(Part::Full, 0, &x, &mut y);
-        here.push(1e3 * start.elapsed().as_secs_f64());
     }
     println!(
-        "  matrix    {:.1} million entries, {:.1} MiB, there within {:.2} s; dispatches: {bands}, of {} ms",
-        matrix.nonzeros() as f64 / 1e6,
-        bytes as f64 / f64::from(1 << 20),
-        moved.as_secs_f64(),
-        spread(dispatches)
-    );
-    println!(
-        "  product   {} GB/s, a copy there {} GB/s, share {}",
-        spread(product),
-        spread(copied),
-        spread(shares)
-    );
-    println!(
-        "  a photo   {} ms with its way there and back, {} ms on the processor",
+        "| {name} {side}² | {:.1} | {} | {rays:.2} | {} | {} | {} | {} | {} | {} |",
+        traced.matrix.nonzeros() as f64 / 1e6,
+        spread(tracing),
+        spread(assembly),
+        spread(limits),
+        spread(host),
+        spread(products),
+        spread(shares),
         spread(photos),
-        spread(here)
     );
     Ok(())
-}
-
-/// Number of repetitions of `work` that last long enough to be timed reliably.
-fn enough(mut work: impl FnMut(u32) -> krylux::Result<Duration>) -> krylux::Result<u32> {
-    work(1)?;
-    Ok((ENOUGH / work(1)?.as_secs_f64().max(1e-7)).ceil().clamp(1.0, 1000.0) as u32)
 }

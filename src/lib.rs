@@ -124,6 +124,8 @@
 //! error     →
 //! ```
 //! <!-- rooms: end -->
+// The types of a device are nested more deeply than the compiler follows by default.
+#![recursion_limit = "256"]
 
 pub mod analysis;
 pub mod bench;

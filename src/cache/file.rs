@@ -362,7 +362,6 @@ fn combine_channels(channels: Vec<(Record, Arrays)>) -> Option<Assembled> {
         paths: first.paths,
         rays: first.rays,
         dispatches: first.dispatches,
-        merged: 0,
         longest: Duration::from_nanos(first.longest_ns),
         tracing: Duration::from_nanos(first.tracing_ns),
     };

@@ -1,6 +1,7 @@
 //! Storage buffers; storage textures, which replace them if loads from buffers are slow; and results that the host reads back.
 
 use std::sync::mpsc::Receiver;
+use std::time::Duration;
 
 use wgpu::BufferUsages;
 use wgpu::util::DeviceExt;
@@ -10,6 +11,9 @@ use crate::error::{Error, Result};
 
 /// The size in bytes of the pieces that [`Gpu::storage`] uploads. Two pieces are in flight at a time.
 const PIECE: usize = 32 << 20;
+
+/// The maximum time in which another thread delivers results that are ready.
+const DELIVERY: Duration = Duration::from_secs(60);
 
 /// The number of texels in a row of a data texture. Shaders use it to split an index into column and row.
 pub(crate) const TEXTURE_WIDTH: u32 = 4096;
@@ -138,6 +142,16 @@ impl Results {
         })
     }
 
+    /// Results that no host reads. They cannot be requested.
+    pub(crate) fn resident(gpu: &Gpu, label: &str, bytes: u64) -> Result<Self> {
+        Ok(Self { buffer: gpu.buffer(label, bytes, BufferUsages::STORAGE)?, readback: None })
+    }
+
+    /// Results that were copied to the staging buffer `readback`.
+    pub(crate) fn through(readback: &wgpu::Buffer) -> Self {
+        Self { buffer: readback.clone(), readback: Some(readback.clone()) }
+    }
+
     /// Submits `encoder`, followed by a copy of the first `bytes` to the staging buffer, if there is one. Must be called within
     /// [`Gpu::guarded`].
     pub(crate) fn submit(
@@ -172,7 +186,8 @@ impl Results {
         gpu.wait(Some(request.submission))?;
         let lost =
             |reason: &dyn std::fmt::Display| gpu.lost(&format!("results cannot be read back ({reason})"));
-        match request.mapped.try_recv() {
+        // The device has done the work, so the answer is on its way; another thread that waits may be about to deliver it.
+        match request.mapped.recv_timeout(DELIVERY) {
             Ok(Ok(())) => self.readable().get_mapped_range(0..request.bytes).map_err(|e| lost(&e)),
             Ok(Err(e)) => Err(lost(&e)),
             Err(e) => Err(lost(&e)),

@@ -1,6 +1,9 @@
 //! The choice of an adapter, the device that is opened on it, and the kernels that the device has compiled.
 
-use std::sync::{Arc, OnceLock};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use super::kept::Kept;
 
 use crate::error::{Error, Result};
 use crate::machine;
@@ -72,7 +75,7 @@ impl AdapterSummary {
     }
 }
 
-/// An open device with its queue. Clones share device and queue.
+/// An open device with its queue. All users of an adapter share device and queue, also those in other threads.
 #[derive(Clone)]
 pub(crate) struct Gpu {
     pub(crate) device: wgpu::Device,
@@ -84,18 +87,96 @@ pub(crate) struct Gpu {
     pub(crate) compiled: Option<Compiled>,
     /// The driver's reason, if the device was lost or failed outside of [`Gpu::guarded`].
     pub(crate) failure: Arc<OnceLock<String>>,
+    /// Kernels and other things that live as long as the device.
+    pub(crate) kept: Arc<Kept>,
+}
+
+/// An instance of the graphics driver, its adapters (the fastest kinds first), and the devices that are open on them.
+///
+/// It is never dropped. Drivers do not expect to be loaded and unloaded by many threads at once, and at the end of the process the system
+/// frees everything in less time.
+struct Driver {
+    adapters: Vec<wgpu::Adapter>,
+    devices: HashMap<usize, Gpu>,
+}
+
+/// The drivers of this process. Their devices use at most a share of the memory, in per cent, or as much as they can.
+static DRIVERS: Mutex<Vec<(Option<u8>, Driver)>> = Mutex::new(Vec::new());
+
+impl Driver {
+    fn new(share: Option<u8>) -> Self {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+            backends: wgpu::Backends::VULKAN,
+            memory_budget_thresholds: wgpu::MemoryBudgetThresholds {
+                for_resource_creation: share,
+                for_device_loss: None,
+            },
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        });
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+        adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        });
+        Self { adapters, devices: HashMap::new() }
+    }
+
+    /// Calls `work` with the driver for this share of the memory, which is loaded at first use. Fails with [`Error::Device`] if this
+    /// process has too little address space.
+    fn with<T>(share: Option<u8>, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
+        require_address_space(machine::address_space())?;
+        let mut drivers = DRIVERS.lock().unwrap_or_else(PoisonError::into_inner);
+        let index = match drivers.iter().position(|(of, _)| *of == share) {
+            Some(index) => index,
+            None => {
+                drivers.push((share, Self::new(share)));
+                drivers.len() - 1
+            }
+        };
+        work(&mut drivers[index].1)
+    }
+
+    /// The index of the adapter whose name contains `wanted`; for `None`, of the first adapter. If several adapters have this name, `turn`
+    /// selects one cyclically.
+    fn choose(&self, wanted: Option<&str>, turn: usize) -> Result<usize> {
+        if self.adapters.is_empty() {
+            return Err(no_adapter());
+        }
+        let names: Vec<String> = self.adapters.iter().map(|adapter| adapter.get_info().name).collect();
+        place(&names, wanted, turn).ok_or_else(|| Error::NoAdapter {
+            detail: wanted.map(|wanted| format!(" whose name contains `{wanted}`")).unwrap_or_default(),
+            help: format!("--adapter takes part of one of these names: {}", names.join("; ")),
+        })
+    }
+
+    /// The device of an adapter. It is opened unless a device is open that has not failed.
+    fn device(&mut self, index: usize) -> Result<Gpu> {
+        if let Some(gpu) = self.devices.get(&index).filter(|gpu| gpu.failure.get().is_none()) {
+            return Ok(gpu.clone());
+        }
+        let gpu = Gpu::on(&self.adapters[index])?;
+        self.devices.insert(index, gpu.clone());
+        Ok(gpu)
+    }
 }
 
 impl Gpu {
     /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, an adapter of the fastest kind. `turn` selects one of
     /// several equal adapters.
     pub(crate) fn open(wanted: Option<&str>, turn: usize) -> Result<Self> {
-        let adapter = choose(wanted, turn, None)?;
-        // Software Vulkan uses the machine's memory, which it shares with other programs, so only the operating system limits it.
-        if AdapterSummary::of(&adapter).is_processor() {
-            return Self::on(&adapter);
+        let on_gpu = Driver::with(Some(MEMORY_SHARE), |driver| {
+            let index = driver.choose(wanted, turn)?;
+            let is_processor = AdapterSummary::of(&driver.adapters[index]).is_processor();
+            if is_processor { Ok(None) } else { driver.device(index).map(Some) }
+        })?;
+        match on_gpu {
+            Some(gpu) => Ok(gpu),
+            // Software Vulkan uses the machine's memory, which it shares with other programs, so only the operating system limits it.
+            None => Driver::with(None, |driver| driver.device(driver.choose(wanted, turn)?)),
         }
-        Self::on(&choose(wanted, turn, Some(MEMORY_SHARE))?)
     }
 
     fn on(adapter: &wgpu::Adapter) -> Result<Self> {
@@ -113,6 +194,7 @@ impl Gpu {
         let shares_memory = summary.is_processor() && adapter.features().contains(mappable);
         let optional = wgpu::Features::SHADER_F64
             | wgpu::Features::PIPELINE_CACHE
+            | wgpu::Features::TIMESTAMP_QUERY
             | if shares_memory { mappable } else { wgpu::Features::empty() };
         let request = wgpu::DeviceDescriptor {
             label: Some("krylux"),
@@ -132,7 +214,7 @@ impl Gpu {
         let (lost, failed) = (Arc::clone(&failure), Arc::clone(&failure));
         device.set_device_lost_callback(move |_, reason| drop(lost.set(reason)));
         device.on_uncaptured_error(Arc::new(move |error| drop(failed.set(error.to_string()))));
-        Ok(Self { device, queue, summary, shares_memory, compiled: None, failure })
+        Ok(Self { device, queue, summary, shares_memory, compiled: None, failure, kept: Arc::default() })
     }
 
     /// Compiles kernels from now on with the help of `data`, the bytes that an earlier process got from [`Gpu::compiled`] for this device.
@@ -190,33 +272,11 @@ impl Gpu {
 
 /// All adapters of this machine. The list may be empty. Fails with [`Error::Device`] if this process has too little address space.
 pub(crate) fn adapters() -> Result<Vec<AdapterSummary>> {
-    Ok(enumerate(None)?.iter().map(AdapterSummary::of).collect())
+    Driver::with(Some(MEMORY_SHARE), |driver| Ok(driver.adapters.iter().map(AdapterSummary::of).collect()))
 }
 
 pub(crate) fn no_adapter() -> Error {
     Error::NoAdapter { detail: String::new(), help: INSTALL.into() }
-}
-
-/// All adapters, the fastest kinds first. Their devices use at most `share` per cent of the memory that the driver grants.
-fn enumerate(share: Option<u8>) -> Result<Vec<wgpu::Adapter>> {
-    require_address_space(machine::address_space())?;
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-        backends: wgpu::Backends::VULKAN,
-        memory_budget_thresholds: wgpu::MemoryBudgetThresholds {
-            for_resource_creation: share,
-            for_device_loss: None,
-        },
-        ..wgpu::InstanceDescriptor::new_without_display_handle()
-    });
-    let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
-    adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
-        wgpu::DeviceType::DiscreteGpu => 0,
-        wgpu::DeviceType::IntegratedGpu => 1,
-        wgpu::DeviceType::VirtualGpu => 2,
-        wgpu::DeviceType::Other => 3,
-        wgpu::DeviceType::Cpu => 4,
-    });
-    Ok(adapters)
 }
 
 /// Checks that `ulimit -v` leaves a graphics driver enough address space. With too little, the driver may end the process without a
@@ -233,21 +293,6 @@ fn require_address_space(limit: Option<u64>) -> Result<()> {
         ))),
         _ => Ok(()),
     }
-}
-
-/// The adapter whose name contains `wanted`; for `None`, the first adapter. If several adapters have this name, `turn` selects one
-/// cyclically.
-fn choose(wanted: Option<&str>, turn: usize, share: Option<u8>) -> Result<wgpu::Adapter> {
-    let adapters = enumerate(share)?;
-    if adapters.is_empty() {
-        return Err(no_adapter());
-    }
-    let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
-    let found = place(&names, wanted, turn).and_then(|index| adapters.into_iter().nth(index));
-    found.ok_or_else(|| Error::NoAdapter {
-        detail: wanted.map(|wanted| format!(" whose name contains `{wanted}`")).unwrap_or_default(),
-        help: format!("--adapter takes part of one of these names: {}", names.join("; ")),
-    })
 }
 
 fn place(names: &[String], wanted: Option<&str>, turn: usize) -> Option<usize> {

@@ -4,8 +4,10 @@
 pub(crate) mod buffers;
 pub(crate) mod device;
 mod fold;
+mod kept;
 pub(crate) mod pipeline;
 pub mod shader;
+mod stopwatch;
 
 pub use device::AdapterSummary;
 pub(crate) use device::Gpu;

@@ -24,6 +24,15 @@ const fn buffer(ty: BufferBindingType) -> BindingType {
     BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
 }
 
+/// The maximum number of workgroups in a dimension that every device allows.
+const MOST_GROUPS: u32 = 65_535;
+
+/// The numbers of workgroups in two dimensions that cover `groups` workgroups. The second number is as small as possible.
+pub(crate) fn grid(groups: u32) -> [u32; 2] {
+    let down = groups.div_ceil(MOST_GROUPS).max(1);
+    [groups.div_ceil(down), down]
+}
+
 impl Gpu {
     /// The layout of bindings of these types. It is explicit, because an automatic layout omits bindings that a kernel does not use.
     pub(crate) fn layout(&self, label: &str, types: &[BindingType]) -> wgpu::BindGroupLayout {
@@ -81,5 +90,20 @@ impl Gpu {
 
     pub(crate) fn encoder(&self) -> wgpu::CommandEncoder {
         self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn workgroups_are_enough_and_within_the_limits() {
+        for groups in [0, 1, 2, 65_535, 65_536, 1 << 20, 134_217_728] {
+            let [across, down] = grid(groups);
+            assert!(across <= MOST_GROUPS && down <= MOST_GROUPS, "{groups}");
+            assert!(across * down >= groups, "{groups}");
+            assert!(across * down < groups + down.max(1), "{groups}: nearly none for nothing");
+        }
     }
 }

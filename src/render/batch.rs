@@ -4,8 +4,6 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::device_merge::Merged;
-
 /// The paths of a batch that start from one pixel and belong to the same half of its samples.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Run {
@@ -54,28 +52,16 @@ pub struct Batch<'a> {
     layout: RecordLayout,
     paths: usize,
     records: &'a [[u32; 4]],
-    merged: Option<Merged<'a>>,
 }
 
 impl<'a> Batch<'a> {
     pub(super) fn new(first_path: u64, layout: RecordLayout, records: &'a [[u32; 4]]) -> Self {
-        Self::merged(first_path, layout, records.len() / layout.stride(), (records, None))
+        Self { first_path, layout, paths: records.len() / layout.stride(), records }
     }
 
-    /// A batch of `paths` paths whose connections the device has merged into the terms `merged`. `records` holds at least the first slots
-    /// of the paths, and their slots of ambient light.
-    pub(super) fn merged(
-        first_path: u64,
-        layout: RecordLayout,
-        paths: usize,
-        (records, merged): (&'a [[u32; 4]], Option<Merged<'a>>),
-    ) -> Self {
-        Self { first_path, layout, paths, records, merged }
-    }
-
-    /// The terms into which the device merged the connections, if it did. The paths then have no connections here.
-    pub(crate) fn terms(&self) -> Option<Merged<'a>> {
-        self.merged
+    /// Known records of all paths, for the self-test of a device.
+    pub(crate) fn known(layout: RecordLayout, records: &'a [[u32; 4]]) -> Self {
+        Self::new(0, layout, records)
     }
 
     pub(crate) fn recorded(&self) -> Recorded {
@@ -220,17 +206,17 @@ pub struct Connection {
 
 /// The slots in the record of a path.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub(super) struct RecordLayout {
-    pub(super) samples: u32,
-    pub(super) max_bounces: u32,
+pub(crate) struct RecordLayout {
+    pub(crate) samples: u32,
+    pub(crate) max_bounces: u32,
     /// The connection from the first surface is the direct light, and is stored in the head of the record instead of a slot.
-    pub(super) direct: bool,
+    pub(crate) direct: bool,
     /// The record has gathered connections, which reach the other endpoint along the specular chains of photons.
-    pub(super) gathers: bool,
-    pub(super) ambient: bool,
+    pub(crate) gathers: bool,
+    pub(crate) ambient: bool,
     /// The rig is coaxial: camera and projector are one lens.
-    pub(super) symmetric: bool,
-    pub(super) from_camera: bool,
+    pub(crate) symmetric: bool,
+    pub(crate) from_camera: bool,
 }
 
 impl RecordLayout {
@@ -242,7 +228,8 @@ impl RecordLayout {
             + usize::from(self.ambient)
     }
 
-    pub(super) fn most_ends(&self) -> usize {
+    /// The maximum number of contributions of a path.
+    pub(crate) fn most_ends(&self) -> usize {
         self.stride() - 1 - usize::from(self.ambient)
     }
 
@@ -252,7 +239,7 @@ impl RecordLayout {
     }
 
     /// The slot of the gathered connection from the `k`-th surface, `k ≥ 2`.
-    pub(super) fn gathered(&self, k: u32) -> usize {
+    pub(crate) fn gathered(&self, k: u32) -> usize {
         self.connected(self.max_bounces + 1) + k as usize - 2
     }
 }

@@ -122,6 +122,11 @@ impl DispatchSizer {
         }
     }
 
+    /// Begins with this number of paths if no dispatch has been measured yet, on a device that compiles kernels beforehand.
+    pub(super) fn start_with(&mut self, paths: u32) {
+        self.target = self.target.or(Some(paths));
+    }
+
     pub(super) fn paths(&self, most: u32) -> u32 {
         self.target.unwrap_or(Self::COLD).min(most)
     }

@@ -6,8 +6,7 @@ use std::time::Instant;
 
 use wgpu::BufferUsages;
 
-use super::batch::{Batch, RecordLayout};
-use super::device_merge::{DeviceMerge, MergeInFlight, MergeRequest, MergedView, Trust, agree, host_terms};
+use super::batch::Batch;
 use super::dispatch::{DispatchSizer, Dispatches, PathWork, unfinished_paths};
 use super::geometry::GpuScene;
 use super::kernel::{Parameters, Pipeline};
@@ -30,13 +29,7 @@ struct InFlight {
     start: Instant,
     first_path: u64,
     parameters: Parameters,
-    /// The state of sorting and summing the contributions of the dispatch, if the device does so.
-    merge: Option<MergeInFlight>,
 }
-
-/// The host also sums each dispatch until a dispatch of at least this many paths agrees with the device. So many paths fill more than one
-/// block of the device's kernels.
-const CHECKED_PATHS: u32 = 2048;
 
 pub(super) struct StrategyRun<'a> {
     gpu: &'a Gpu,
@@ -45,9 +38,6 @@ pub(super) struct StrategyRun<'a> {
     kernel: &'a mut SizedKernel,
     dispatches: &'a mut Dispatches,
     pub(super) outputs: Vec<Output>,
-    /// The merge of each output, if the device sorts and sums contributions.
-    merges: Vec<DeviceMerge>,
-    merging: Option<(&'a MergeRequest<'a>, &'a mut Trust)>,
     capacity: u32,
     /// The dispatches in flight, oldest first.
     in_flight: VecDeque<InFlight>,
@@ -66,7 +56,7 @@ impl<'a> StrategyRun<'a> {
         paths: Range<u64>,
         kernel: &'a mut SizedKernel,
         dispatches: &'a mut Dispatches,
-        (mut staging, mut merging): (Vec<StagingBuffers>, Option<(&'a MergeRequest<'a>, &'a mut Trust)>),
+        mut staging: Vec<StagingBuffers>,
     ) -> Result<Self> {
         let stride = u64::from(strategy.parameters.stride);
         let total = paths.end - paths.start;
@@ -88,22 +78,6 @@ impl<'a> StrategyRun<'a> {
             Output::new(gpu, &kernel.pipeline, scene, chains, light_buffer, buffers)
         };
         let outputs = staging.into_iter().map(output).collect::<Result<Vec<Output>>>()?;
-        let mut merges = Vec::new();
-        if let Some((request, trust)) = &mut merging {
-            let of = (&strategy.layout, strategy.parameters.end.pixels());
-            // If the device lacks memory, or cannot compile the kernels, the host sorts and sums.
-            let made: Result<Option<Vec<DeviceMerge>>> = trust.kernels(gpu).and_then(|kernels| {
-                let merge = |output: &Output| {
-                    let records = &output.staging.results.buffer;
-                    DeviceMerge::new(gpu, &kernels, request.channels, of, capacity, records)
-                };
-                outputs.iter().map(merge).collect()
-            });
-            merges = made.ok().flatten().unwrap_or_default();
-        }
-        if merges.is_empty() {
-            merging = None;
-        }
         let in_flight = VecDeque::new();
         let idle_since = Instant::now();
         Ok(Self {
@@ -113,8 +87,6 @@ impl<'a> StrategyRun<'a> {
             kernel,
             dispatches,
             outputs,
-            merges,
-            merging,
             capacity,
             in_flight,
             left: paths,
@@ -131,14 +103,9 @@ impl<'a> StrategyRun<'a> {
     pub(super) fn launch(&mut self, summary: &mut TraceSummary) -> Result<()> {
         let Self { strategy, left, kernel: SizedKernel { sizer, .. }, .. } = self;
         let samples = u64::from(strategy.parameters.samples);
-        let merging = self.merging.as_ref().filter(|(_, trust)| !trust.is_lost);
         // The number of paths is at most the capacity, which is a 32-bit number.
         let first_path = left.start;
-        let mut paths = u64::from(sizer.paths(self.capacity));
-        if merging.is_some() {
-            paths = (paths / samples * samples).max(samples);
-        }
-        let paths = paths.min(left.end - first_path) as u32;
+        let paths = u64::from(sizer.paths(self.capacity)).min(left.end - first_path) as u32;
         let parameters = Parameters {
             first_pixel: (first_path / samples) as u32,
             first_sample: (first_path % samples) as u32,
@@ -149,14 +116,9 @@ impl<'a> StrategyRun<'a> {
         };
         let output = summary.dispatches as usize % self.outputs.len();
         let start = Instant::now();
-        // The host needs whole records unless the device merges contributions and this has been checked. Then it needs only the heads, or
-        // also the ambient light at the end of the records.
-        let needs_all = merging.is_none_or(|(_, trust)| !trust.is_checked) || strategy.layout.ambient;
-        let bytes = if needs_all { record_bytes(&parameters, paths) } else { u64::from(paths) * 16 };
-        let merge = merging.map(|(request, _)| (&self.merges[output], *request, &strategy.layout));
-        let (readback, submission) = self.outputs[output].launch(self.gpu, &parameters, bytes, merge)?;
-        let merge = merge.map(|(merge, ..)| merge.request(submission, parameters.first_pixel));
-        self.in_flight.push_back(InFlight { output, readback, start, first_path, parameters, merge });
+        let bytes = record_bytes(&parameters, paths);
+        let readback = self.outputs[output].launch(self.gpu, &parameters, bytes)?;
+        self.in_flight.push_back(InFlight { output, readback, start, first_path, parameters });
         left.start += u64::from(paths);
         summary.dispatches += 1;
         Ok(())
@@ -171,14 +133,12 @@ impl<'a> StrategyRun<'a> {
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<bool> {
         let Some(oldest) = self.in_flight.pop_front() else { return Ok(false) };
-        let InFlight { output: index, readback, start, first_path, mut parameters, mut merge } = oldest;
-        let output = &self.outputs[index];
+        let InFlight { output, readback, start, first_path, mut parameters } = oldest;
+        let output = &self.outputs[output];
         let layout = self.strategy.layout;
-        let paths = parameters.paths as usize;
         let mut view = output.wait(self.gpu, readback)?;
         let counted = |view: &wgpu::BufferView, mark: u32| {
-            Batch::merged(first_path, layout, paths, (bytemuck::cast_slice(view), None))
-                .unfinished_and_rays(mark)
+            Batch::new(first_path, layout, bytemuck::cast_slice(view)).unfinished_and_rays(mark)
         };
         let (mut unfinished, mut rays) = counted(&view, parameters.mark);
         if unfinished > 0 && parameters.paths_per_invocation > 1 {
@@ -190,33 +150,14 @@ impl<'a> StrategyRun<'a> {
             let bytes = record_bytes(&parameters, parameters.paths);
             view = output.run(self.gpu, &parameters, bytes)?;
             (unfinished, rays) = counted(&view, parameters.mark);
-            // The host sums the contributions of the paths that were traced again.
-            if let Some(merge) = merge.take() {
-                drop(self.merges[index].wait(self.gpu, merge)?);
-                self.merges[index].release();
-            }
         }
         if unfinished > 0 {
-            return Err(unfinished_paths(unfinished, paths as u64, self.scene));
+            return Err(unfinished_paths(unfinished, u64::from(parameters.paths), self.scene));
         }
-        let merged = merge.map(|merge| self.merges[index].wait(self.gpu, merge)).transpose()?;
         // If a dispatch waited for an earlier one, it began when the earlier one was done.
         let elapsed = start.max(self.idle_since).elapsed();
         self.idle_since = Instant::now();
-        let records = bytemuck::cast_slice(&view);
-        let mut terms = merged.as_ref().map(MergedView::merged);
-        if let (Some(found), Some((request, trust))) = (&terms, &mut self.merging)
-            && !trust.is_checked
-        {
-            let batch = Batch::merged(first_path, layout, paths, (records, None));
-            trust.is_lost = !agree(found, &host_terms(&batch, request));
-            trust.is_checked = trust.is_lost || parameters.paths >= CHECKED_PATHS;
-        }
-        if self.merging.as_ref().is_some_and(|(_, trust)| trust.is_lost) {
-            terms = None;
-        }
-        summary.merged += u32::from(terms.is_some());
-        let batch = Batch::merged(first_path, layout, paths, (records, terms));
+        let batch = Batch::new(first_path, layout, bytemuck::cast_slice(&view));
         visit(&batch)?;
         summary.rays += rays;
         summary.paths += batch.len() as u64;
@@ -224,28 +165,32 @@ impl<'a> StrategyRun<'a> {
         summary.tracing += elapsed;
         drop(view);
         output.release();
-        if merged.is_some() {
-            drop(merged);
-            self.merges[index].release();
-        }
         self.kernel.sizer.adapt(parameters.paths, elapsed);
         Ok(true)
     }
 }
 
-fn record_bytes(parameters: &Parameters, paths: u32) -> u64 {
+pub(super) fn record_bytes(parameters: &Parameters, paths: u32) -> u64 {
     u64::from(paths) * u64::from(parameters.stride) * 16
 }
 
 /// The staging buffers of one dispatch: its parameters, and its results.
 pub(super) struct StagingBuffers {
     parameters: wgpu::Buffer,
-    results: Results,
+    pub(super) results: Results,
 }
 
 impl StagingBuffers {
     pub(super) fn new(gpu: &Gpu, bytes: u64) -> Result<Self> {
-        let results = Results::new(gpu, "path records", bytes)?;
+        Self::of(gpu, Results::new(gpu, "path records", bytes)?)
+    }
+
+    /// Buffers for records that stay on the device.
+    pub(super) fn resident(gpu: &Gpu, bytes: u64) -> Result<Self> {
+        Self::of(gpu, Results::resident(gpu, "path records", bytes)?)
+    }
+
+    fn of(gpu: &Gpu, results: Results) -> Result<Self> {
         let uniform_bytes = size_of::<Parameters>() as u64;
         let parameters =
             gpu.buffer("parameters", uniform_bytes, BufferUsages::UNIFORM | BufferUsages::COPY_DST)?;
@@ -305,29 +250,24 @@ impl Output {
     }
 
     /// Submits one dispatch of `parameters.paths` paths, with `parameters.paths_per_invocation` paths for each invocation, and requests the
-    /// first `bytes` of its results. With `merge`, the device merges the contributions into terms.
-    pub(super) fn launch(
-        &self,
-        gpu: &Gpu,
-        parameters: &Parameters,
-        bytes: u64,
-        merge: Option<(&DeviceMerge, &MergeRequest<'_>, &RecordLayout)>,
-    ) -> Result<(Readback, wgpu::SubmissionIndex)> {
+    /// first `bytes` of its results.
+    pub(super) fn launch(&self, gpu: &Gpu, parameters: &Parameters, bytes: u64) -> Result<Readback> {
         let submission = gpu.guarded("dispatch", || {
-            gpu.queue.write_buffer(&self.staging.parameters, 0, bytemuck::bytes_of(parameters));
             let mut encoder = gpu.encoder();
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&self.pipeline);
-            pass.set_bind_group(0, &self.scene_group, &[]);
-            pass.set_bind_group(1, &self.output_group, &[]);
-            pass.dispatch_workgroups(parameters.paths.div_ceil(64 * parameters.paths_per_invocation), 1, 1);
-            drop(pass);
-            if let Some((merge, request, layout)) = merge {
-                merge.record(gpu, &mut encoder, request, layout, parameters.paths);
-            }
+            self.record(gpu, &mut encoder, parameters);
             self.staging.results.submit(gpu, encoder, bytes)
         })?;
-        Ok((self.staging.results.request(bytes, submission.clone()), submission))
+        Ok(self.staging.results.request(bytes, submission))
+    }
+
+    /// Records one dispatch. Its parameters are those of the next submission.
+    pub(super) fn record(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, parameters: &Parameters) {
+        gpu.queue.write_buffer(&self.staging.parameters, 0, bytemuck::bytes_of(parameters));
+        let mut pass = gpu.pass(encoder, "tracing");
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.scene_group, &[]);
+        pass.set_bind_group(1, &self.output_group, &[]);
+        pass.dispatch_workgroups(parameters.paths.div_ceil(64 * parameters.paths_per_invocation), 1, 1);
     }
 
     /// Waits for a dispatch of this output, and returns its results. Before the next launch, drop the view and call [`Output::release`].
@@ -336,8 +276,7 @@ impl Output {
     }
 
     pub(super) fn run(&self, gpu: &Gpu, parameters: &Parameters, bytes: u64) -> Result<wgpu::BufferView> {
-        let (readback, _) = self.launch(gpu, parameters, bytes, None)?;
-        self.wait(gpu, readback)
+        self.wait(gpu, self.launch(gpu, parameters, bytes)?)
     }
 
     /// Makes the results writable for the device again. Their view must have been dropped.

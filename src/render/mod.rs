@@ -2,7 +2,6 @@
 #![doc = include_str!("../../guide/src/right/operator.md")]
 
 mod batch;
-mod device_merge;
 mod dispatch;
 mod geometry;
 mod kernel;
@@ -11,6 +10,7 @@ mod light_buffer;
 mod materials;
 mod pairs;
 mod photons;
+mod resident;
 mod settings;
 mod strategy;
 #[cfg(test)]
@@ -18,10 +18,10 @@ mod tests;
 mod tracer;
 
 pub use batch::{Batch, Connection, Run};
-pub(crate) use batch::{End, PIXEL_MASK, Recorded};
-pub(crate) use device_merge::{MergeRequest, Merged, class};
+pub(crate) use batch::{End, PIXEL_MASK, RecordLayout, Recorded};
 pub use materials::MIN_ALPHA;
 pub use photons::Gather;
+pub(crate) use resident::{Consumer, ResidentPaths};
 pub use settings::{MAX_BOUNCES, Sampler, StartPixels, TraceSettings, TraceSummary};
 pub use tracer::Tracer;
 

@@ -149,8 +149,6 @@ pub struct TraceSummary {
     pub rays: u64,
     /// Number of dispatches.
     pub dispatches: u32,
-    /// Number of dispatches whose contributions the device sorted and summed.
-    pub merged: u32,
     /// Wall time of the longest dispatch, including its read-back. If a dispatch waited for an earlier one, its time starts when the
     /// earlier one was done. The measured end may be late, if the host is reading the records of another dispatch.
     pub longest: Duration,
@@ -165,7 +163,6 @@ impl TraceSummary {
         self.paths += other.paths;
         self.rays += other.rays;
         self.dispatches += other.dispatches;
-        self.merged += other.merged;
         self.longest = self.longest.max(other.longest);
         self.tracing = self.tracing.max(other.tracing);
     }

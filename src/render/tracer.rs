@@ -4,9 +4,9 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
+use std::time::Duration;
 
 use super::batch::Batch;
-use super::device_merge::{MergeRequest, Trust};
 use super::dispatch::{DispatchSizer, Dispatches, MAX_PATHS};
 use super::geometry::GpuScene;
 use super::kernel::{Features, Parameters, Pipeline};
@@ -28,13 +28,16 @@ pub struct Tracer {
     pub(super) gpu: Gpu,
     pub(super) scene: GpuScene,
     pub(super) rig: Endpoints,
-    kernels: HashMap<Features, SizedKernel>,
+    pub(super) kernels: HashMap<Features, SizedKernel>,
     pub(super) dispatches: Dispatches,
     pub(super) light_buffers: LightBuffers,
     pub(super) chains: ChainCache,
-    trust: Trust,
+    /// Whether a device that is not the processor assembles matrices.
+    assembles: Option<bool>,
     staging: Vec<StagingBuffers>,
-    observer: Arc<dyn Observer + Send + Sync>,
+    /// The buffers of the last trace whose records stayed on the device.
+    pub(super) resident: Option<StagingBuffers>,
+    pub(super) observer: Arc<dyn Observer + Send + Sync>,
     /// The handle of the scene in a team of processes, each of which traces a part.
     remote: Option<Arc<Remote>>,
 }
@@ -83,8 +86,9 @@ impl Tracer {
             dispatches: Dispatches::default(),
             light_buffers: LightBuffers::default(),
             chains: ChainCache::default(),
-            trust: Trust::default(),
+            assembles: None,
             staging: Vec::new(),
+            resident: None,
             observer: Arc::new(()),
             remote: None,
         })
@@ -168,59 +172,64 @@ impl Tracer {
         pixels: &StartPixels,
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<TraceSummary> {
-        self.trace_merged(settings, pixels, None, visit)
-    }
-
-    /// Works like [`Tracer::trace_from`], errors included. If the device sorts and sums contributions, batches contain the terms that
-    /// `request` describes instead of connections.
-    pub(crate) fn trace_merged(
-        &mut self,
-        settings: &TraceSettings,
-        pixels: &StartPixels,
-        request: Option<&MergeRequest<'_>>,
-        visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
-    ) -> Result<TraceSummary> {
         settings.check()?;
         let strategies = self.strategies(settings)?;
         let all: Vec<Range<u64>> = strategies.iter().map(|strategy| strategy.paths_from(pixels)).collect();
         let total = all.iter().map(|paths| paths.end - paths.start).sum();
         let mut summary = TraceSummary::default();
         for (strategy, paths) in strategies.iter().zip(all) {
-            self.run((strategy, request), paths, total, &mut summary, visit)?;
+            self.run(strategy, paths, total, &mut summary, visit)?;
         }
         // Everything has been traced, so a request to stop has no effect.
         let _ = step(&*self.observer, total, total);
         Ok(summary)
     }
 
-    /// Selects whether the device sorts and sums contributions to a matrix, so that fewer bytes are transferred. By default, a device does
-    /// so unless it is the processor itself, which would gain nothing. The device rounds sums to single precision, and adds in another
-    /// order than the host. If the device's sums do not agree with the host's, the host sums instead; [`TraceSummary::merged`] shows this.
-    pub fn merge_on_device(&mut self, asked: bool) {
-        self.trust.asked = Some(asked);
+    /// Selects whether the device that traces also assembles the matrix, so that neither records nor entries are transferred. By default, a
+    /// device does so unless it is the processor itself, which would gain nothing. Sums differ from the host's only by rounding. If the
+    /// device lacks memory or `f64`, or fails its self-test, the host assembles the matrix all the same, and the observer gets a note.
+    pub fn assemble_on_device(&mut self, asked: bool) {
+        self.assembles = Some(asked);
+    }
+
+    /// Whether the device that traces also assembles the matrix.
+    pub(crate) fn assembles_on_device(&self) -> bool {
+        self.assembles.unwrap_or(!self.gpu.summary.is_processor())
+    }
+
+    /// Measures the time of all work on the device during `work`, by the device's own clock: what each pass does (`tracing`, `assembly` or
+    /// `products`), and its time. Fails like `work`, or with [`Error::Device`] if the driver has no timestamps.
+    pub fn timed<T>(
+        &mut self,
+        work: impl FnOnce(&mut Self) -> Result<T>,
+    ) -> Result<(T, Vec<(&'static str, Duration)>)> {
+        self.gpu.start_stopwatch()?;
+        let outcome = work(self);
+        let times = self.gpu.stop_stopwatch()?;
+        Ok((outcome?, times))
     }
 
     /// Frees staging buffers and photon maps. They would only shorten the start of the next trace.
     pub fn release_buffers(&mut self) {
         self.staging.clear();
+        self.resident = None;
         self.chains = ChainCache::default();
     }
 
     /// Traces the paths of one strategy with these numbers. `total` counts the paths of all strategies, for the observer.
     pub(super) fn run(
         &mut self,
-        (strategy, request): (&Strategy, Option<&MergeRequest<'_>>),
+        strategy: &Strategy,
         paths: Range<u64>,
         total: u64,
         summary: &mut TraceSummary,
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<()> {
-        let Self { gpu, scene, kernels, dispatches, staging, observer, trust, .. } = self;
-        let merging = request.filter(|_| trust.merges(gpu)).map(|request| (request, trust));
+        let Self { gpu, scene, kernels, dispatches, staging, observer, .. } = self;
         let kernel = kernel(gpu, kernels, &strategy.features)?;
         // The buffers of the last trace are used again. An interrupted trace has dropped its buffers.
         let buffers = std::mem::take(staging);
-        let mut run = StrategyRun::new(gpu, scene, strategy, paths, kernel, dispatches, (buffers, merging))?;
+        let mut run = StrategyRun::new(gpu, scene, strategy, paths, kernel, dispatches, buffers)?;
         loop {
             while run.can_launch() {
                 if step(&**observer, summary.paths, total).is_break() {
@@ -237,11 +246,11 @@ impl Tracer {
     }
 }
 
-fn step(observer: &dyn Observer, done: u64, total: u64) -> ControlFlow<()> {
+pub(super) fn step(observer: &dyn Observer, done: u64, total: u64) -> ControlFlow<()> {
     observer.step(&Step { stage: "tracing", done, total, estimate: Estimate::None })
 }
 
-fn kernel<'a>(
+pub(super) fn kernel<'a>(
     gpu: &Gpu,
     kernels: &'a mut HashMap<Features, SizedKernel>,
     features: &Features,

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use super::layer::Layer;
 use super::noise::Noise;
 use super::{
     Channels, GpuMatrix, MatrixOperator, Part, RigShape, Transport, TransportMatrix, from_planes, spread,
@@ -128,7 +129,11 @@ impl Assembled {
     }
 
     fn place_on(&mut self, gpu: &Gpu, place: Backend, worthwhile: usize) -> Result<Option<String>> {
-        self.gpu_matrix = None;
+        // A device that has assembled the matrix keeps it, unless the processor is to multiply.
+        let resident = self
+            .gpu_matrix
+            .take()
+            .filter(|_| self.matrix.layers.iter().any(|layer| layer.resident().is_some()));
         let suits = !gpu.summary.is_processor() && self.matrix.nonzeros() >= worthwhile;
         if self.matrix.processes() > 1 && place == Backend::Gpu {
             return Err(Error::option(
@@ -139,6 +144,11 @@ impl Assembled {
         }
         let suits = suits && self.matrix.processes() == 1;
         if place == Backend::Cpu || (place == Backend::Auto && !suits) {
+            self.matrix.layers.iter_mut().try_for_each(Layer::leave_device)?;
+            return Ok(None);
+        }
+        if let Some(resident) = resident {
+            self.gpu_matrix = Some(resident);
             return Ok(None);
         }
         match GpuMatrix::on(gpu, &self.matrix) {

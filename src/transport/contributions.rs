@@ -10,9 +10,9 @@ use super::row_sums::largest_exponent;
 use super::rows::Rows;
 use super::spread::Steps;
 use super::tiles::{Pages, take};
-use super::{LUMINANCE, project};
+use super::{RigShape, project};
 use crate::error::Result;
-use crate::render::{Batch, MergeRequest, StartPixels, TraceSettings, TraceSummary, Tracer};
+use crate::render::{Batch, StartPixels, TraceSettings, TraceSummary, Tracer};
 
 /// The maximum number of classes of bounces. The classes are either one, two, and at least three bounces; or one, and at least two bounces.
 pub(super) const CLASSES: usize = 3;
@@ -33,11 +33,6 @@ impl Key {
     pub(super) fn new(other: u32, class: u32) -> Self {
         debug_assert!(other < 1 << 28 && class < 1 << Self::CLASS_BITS);
         Self(other << Self::CLASS_BITS | class)
-    }
-
-    /// The key with this number, which a device computed.
-    pub(super) fn of_number(number: u32) -> Self {
-        Self(number)
     }
 
     /// The key of a single contribution of this half of the samples.
@@ -64,6 +59,16 @@ impl Key {
 
     pub(super) fn class(self) -> usize {
         (self.0 & ((1 << Self::CLASS_BITS) - 1)) as usize
+    }
+}
+
+/// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 means two bounces, and 2 means more.
+pub(super) fn class(bounces: u32, split: bool) -> u32 {
+    match bounces {
+        1 => 0,
+        2 => 1,
+        _ if split => 2,
+        _ => 1,
     }
 }
 
@@ -255,38 +260,21 @@ impl<const C: usize> Share<C> {
         split: bool,
         steps: Option<&Steps>,
     ) -> Result<Self> {
-        let mut rows = Rows::<C>::new(settings.samples, split, steps);
-        let mut direct = PixelSums::<C>::new(&pixels.camera, settings.samples);
-        let mut ambient = PixelSums::<C>::new(&pixels.camera, settings.samples);
-        let mut has_halves = true;
-        let weights = |from_each_pixel| Halves::new(settings.samples, from_each_pixel).weights();
-        let request = MergeRequest {
-            channels: C,
-            luminance: LUMINANCE.map(|share| share as f32),
-            split,
-            weights: &weights,
-        };
-        let summary = tracer.trace_merged(settings, pixels, Some(&request), &mut |batch| {
-            has_halves &= batch.samples() > 1;
-            let of_pixels = || {
-                // Paths from the projector carry neither direct light nor ambient light.
-                if !batch.from_camera() {
-                    return;
-                }
-                direct.add(batch, |path| project(batch.direct(path)));
-                if batch.has_ambient() {
-                    ambient.add(batch, |path| batch.ambient(path).map_or([0.0; C], project));
-                }
-            };
-            rayon::join(|| rows.add(batch), of_pixels);
+        let mut growing = GrowingShare::new(settings.samples, &pixels.camera, split, steps);
+        let summary = tracer.trace_from(settings, pixels, &mut |batch| {
+            growing.add(batch);
             Ok(())
         })?;
-        let found = rows.close();
         // The contributions are merged next, which needs the most memory.
         tracer.release_buffers();
-        let direct = if tracer.symmetric(settings) { direct.estimates } else { Vec::new() };
-        let ambient = ambient.estimates;
-        Ok(Self { found, direct, ambient, has_halves, summary })
+        Ok(growing.close(tracer.symmetric(settings), summary))
+    }
+
+    /// The contributions of a batch with all paths of a coaxial rig.
+    pub(super) fn of_batch(batch: &Batch<'_>, rig: RigShape, split: bool) -> Self {
+        let mut growing = GrowingShare::new(batch.samples(), &(0..rig.camera.pixels()), split, None);
+        growing.add(batch);
+        growing.close(rig.symmetric, TraceSummary::default())
     }
 
     /// Joins the shares of all parts, which must be in the order of their pixels. The tracing time is that of the slowest part.
@@ -301,6 +289,43 @@ impl<const C: usize> Share<C> {
             summary.add_parallel(&part.summary);
         }
         Self { found: Found::of_chunks(chunks), direct, ambient, has_halves, summary }
+    }
+}
+
+/// A share while its paths arrive.
+struct GrowingShare<'a, const C: usize> {
+    rows: Rows<'a, C>,
+    direct: PixelSums<C>,
+    ambient: PixelSums<C>,
+    has_halves: bool,
+}
+
+impl<'a, const C: usize> GrowingShare<'a, C> {
+    fn new(samples: u32, camera: &Range<usize>, split: bool, steps: Option<&'a Steps>) -> Self {
+        let [direct, ambient] = [(); 2].map(|()| PixelSums::new(camera, samples));
+        Self { rows: Rows::new(samples, split, steps), direct, ambient, has_halves: true }
+    }
+
+    fn add(&mut self, batch: &Batch<'_>) {
+        let Self { rows, direct, ambient, has_halves } = self;
+        *has_halves &= batch.samples() > 1;
+        let of_pixels = || {
+            // Paths from the projector carry neither direct light nor ambient light.
+            if !batch.from_camera() {
+                return;
+            }
+            direct.add(batch, |path| project(batch.direct(path)));
+            if batch.has_ambient() {
+                ambient.add(batch, |path| batch.ambient(path).map_or([0.0; C], project));
+            }
+        };
+        rayon::join(|| rows.add(batch), of_pixels);
+    }
+
+    fn close(self, symmetric: bool, summary: TraceSummary) -> Share<C> {
+        let direct = if symmetric { self.direct.estimates } else { Vec::new() };
+        let (ambient, has_halves) = (self.ambient.estimates, self.has_halves);
+        Share { found: self.rows.close(), direct, ambient, has_halves, summary }
     }
 }
 

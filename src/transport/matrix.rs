@@ -134,9 +134,18 @@ impl TransportMatrix {
     /// another process sent something other than rows of these layers.
     pub fn layers(&self) -> Result<Cow<'_, [Layer]>> {
         match &self.spread {
-            None => Ok(Cow::Borrowed(&self.layers)),
+            None => {
+                self.fetch()?;
+                Ok(Cow::Borrowed(&self.layers))
+            }
             Some(spread) => spread.gathered(&self.layers).map(Cow::Owned),
         }
+    }
+
+    /// Reads the layers from the device that has assembled them, unless they are in memory already. Otherwise the first product on the
+    /// processor does so, and panics if the device fails. A device that fails gives [`crate::Error::Device`].
+    pub fn fetch(&self) -> Result<()> {
+        self.layers.iter().try_for_each(|layer| layer.fetch().map(drop))
     }
 
     /// `y ← P x` for the `part` `P` of one channel. `x` has an entry for each projector pixel, and may be negative. `y` has an entry for
@@ -222,7 +231,7 @@ impl TransportMatrix {
     pub fn frobenius_norm(&self, part: Part, channel: usize) -> f64 {
         let mut all = 0.0;
         for (at, layer) in self.layers.iter().enumerate().filter(|(_, layer)| part.has(layer.bounces())) {
-            let own = layer.tiles().squares(channel, 0.0);
+            let own = layer.squares(channel, 0.0);
             all += self.spread.as_ref().map_or(own, |spread| spread.squares(at, channel, own));
         }
         if part.holds(1) {

@@ -17,6 +17,7 @@
 
 mod assembled;
 mod contributions;
+mod device;
 mod estimated;
 mod gpu_matrix;
 mod journaled;

@@ -2,14 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::contributions::{About, Chunk, Chunks, Found, Key, Row, Term, Terms};
+use super::contributions::{About, Chunk, Chunks, Found, Key, Row, Term, Terms, class};
 use super::noise::Halves;
 use super::project;
 use super::spread::Steps;
-use crate::render::{Batch, End, Merged, Run, class};
-
-/// The terms of a dispatch are divided into this many parts per thread.
-const PARTS_OF_THREAD: usize = 4;
+use crate::render::{Batch, End, Run};
 
 const PIXELS_PER_TASK: usize = 16;
 
@@ -70,10 +67,7 @@ impl<'a, const C: usize> Rows<'a, C> {
     /// Adds the connections of a batch. Sums are computed in path order, so they do not depend on the sizes of batches.
     pub(super) fn add(&mut self, batch: &Batch<'_>) {
         let of = (batch.samples(), batch.from_camera());
-        match batch.terms() {
-            Some(merged) => self.add_merged(merged, of),
-            None => self.add_by(&batch.runs().collect::<Vec<_>>(), of, batch, &project),
-        }
+        self.add_by(&batch.runs().collect::<Vec<_>>(), of, batch, &project);
     }
 
     fn step_of(&self, start: u32, from_camera: bool, key: Key) -> usize {
@@ -148,32 +142,6 @@ impl<'a, const C: usize> Rows<'a, C> {
         closed.into_iter().for_each(|open| self.push(open));
         done.into_iter().for_each(|done| self.append(done));
         self.open = Some(last);
-    }
-
-    fn add_merged(&mut self, merged: Merged<'_>, (paths, from_camera): (u32, bool)) {
-        // These terms belong to other pixels than the earlier paths, so the open pixel is complete.
-        self.open.take().into_iter().for_each(|open| self.push(open));
-        let finish = |part: &Merged<'_>| {
-            let mut task = Task::<C>::new(self.chunks.len());
-            let mut last = None;
-            let end_row = |task: &mut Task<C>, pixel: u32| {
-                let start = Start { pixel, from_camera, paths };
-                task.finished.iter_mut().for_each(|chunk| chunk.end_row(start));
-            };
-            for found in part.terms() {
-                if let Some(last) = last.replace(found.start).filter(|last| *last != found.start) {
-                    end_row(&mut task, last);
-                }
-                let term = Term { key: Key::of_number(found.key), mean: found.mean(), error: found.error() };
-                task.finished[self.step_of(found.start, from_camera, term.key)].terms.push(term);
-                task.about.add(&term);
-            }
-            last.into_iter().for_each(|last| end_row(&mut task, last));
-            task.chunks()
-        };
-        let parts = merged.parts(PARTS_OF_THREAD * rayon::current_num_threads());
-        let done: Vec<_> = parts.par_iter().map(finish).collect();
-        done.into_iter().for_each(|done| self.append(done));
     }
 
     /// Finishes the last pixel after the last batch. Returns the sums of all paths.

@@ -1,7 +1,6 @@
 //! Tests of rows and matrices that are built from synthetic paths. The rigs are unlike those of the shipped scenes.
 
 mod costs;
-mod device;
 mod estimates;
 mod memory;
 mod wire;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::cache::{Cache, Found, Key};
 use crate::error::{Error, Result};
@@ -22,6 +22,9 @@ use crate::transport::{self, Assembled, Backend, Channels};
 
 /// The label of a pixel that sees no region, as in all label images.
 const NO_REGION: u8 = 255;
+
+/// A matrix that a GPU assembles in less time is not kept in the cache, since reading it from there would take longer.
+const QUICK: Duration = Duration::from_secs(2);
 
 /// A scene, with the device that traces it and the matrices of earlier runs.
 #[derive(Clone)]
@@ -261,13 +264,20 @@ impl SceneSource {
         }
         report_matrix(&traced, start, observer);
         match self.cache.as_ref().filter(|_| is_new) {
+            Some(_) if traced.is_on_gpu() && start.elapsed() < QUICK => {
+                observer
+                    .detail(format_args!("cache     not kept: the device assembles the matrix in less time"));
+            }
             Some(_) if traced.matrix.processes() > 1 => {
                 observer.detail(format_args!(
                     "cache     not kept: {} processes have a part of the matrix each",
                     traced.matrix.processes()
                 ));
             }
-            Some(cache) => store(cache, &key, &traced, observer),
+            Some(cache) => {
+                traced.matrix.fetch()?;
+                store(cache, &key, &traced, observer);
+            }
             None => {}
         }
         Ok(traced)

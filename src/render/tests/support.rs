@@ -110,13 +110,7 @@ pub(super) fn path_records(tracer: &mut Tracer, strategy: &Strategy) -> Vec<Path
         Ok(())
     };
     tracer
-        .run(
-            (strategy, None),
-            0..strategy.paths(),
-            strategy.paths(),
-            &mut TraceSummary::default(),
-            &mut visit,
-        )
+        .run(strategy, 0..strategy.paths(), strategy.paths(), &mut TraceSummary::default(), &mut visit)
         .expect("the scene can be traced");
     records
 }

@@ -135,7 +135,7 @@ fn photos(
             };
             tracer
                 .run(
-                    (strategy, None),
+                    strategy,
                     0..strategy.paths(),
                     strategy.paths(),
                     &mut TraceSummary::default(),

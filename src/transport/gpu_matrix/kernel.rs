@@ -4,22 +4,22 @@ use std::ops::Range;
 
 use wgpu::BufferUsages;
 
-use crate::error::{Error, Result};
-use crate::gpu::pipeline::{READ, UNIFORM, WRITE};
+use super::layer::Band;
+use crate::error::Result;
+use crate::gpu::pipeline::{READ, UNIFORM, WRITE, grid};
 use crate::gpu::{Gpu, shader};
-use crate::transport::{Bounces, CompressedRows};
 
 #[derive(Clone, Copy)]
-pub(super) struct Limits {
-    pub(super) entries: usize,
-    pub(super) rows: usize,
+pub(in crate::transport) struct Limits {
+    pub(in crate::transport) entries: usize,
+    pub(in crate::transport) rows: usize,
 }
 
 /// The limits of a dispatch on a GPU. 2²⁷ entries take a gigabyte, which even a slow GPU reads in a tenth of a second.
 const ON_GPU: Limits = Limits { entries: 1 << 27, rows: 1 << 24 };
 
 /// The limits of a dispatch on software Vulkan. Two cores take some 50 ms for this many entries, or for this many rows (measured).
-const ON_PROCESSOR: Limits = Limits { entries: 1 << 22, rows: 1 << 15 };
+pub(super) const ON_PROCESSOR: Limits = Limits { entries: 1 << 22, rows: 1 << 15 };
 
 impl Limits {
     pub(super) fn of(gpu: &Gpu) -> Self {
@@ -29,58 +29,13 @@ impl Limits {
     }
 }
 
-/// The maximum number of entries of a row. 32 lanes share a row, and software Vulkan leaves a loop after 65,535 iterations without an
-/// error.
-const LONGEST_ROW: usize = 1 << 20;
-
-pub(super) struct DeviceLayer {
-    pub(super) bounces: Bounces,
-    pub(super) bands: Vec<Band>,
-}
-
-pub(super) struct Band {
-    pub(super) rows: Range<u32>,
-    pub(super) starts: wgpu::Buffer,
-    pub(super) columns: wgpu::Buffer,
-    pub(super) weights: Vec<wgpu::Buffer>,
-}
-
-impl DeviceLayer {
-    pub(super) fn upload(gpu: &Gpu, bounces: Bounces, from: &CompressedRows, limits: Limits) -> Result<Self> {
-        let CompressedRows { row_start, columns, weights } = from;
-        let longest = row_start.windows(2).map(|ends| ends[1] - ends[0]).max().unwrap_or(0);
-        if longest > LONGEST_ROW {
-            return Err(Error::device(format!(
-                "a row of the matrix has {longest} entries, and a GPU can sum at most {LONGEST_ROW}"
-            ))
-            .help("take the products on the processor: --products cpu"));
-        }
-        let band = |rows: Range<usize>| {
-            let entries = row_start[rows.start]..row_start[rows.end];
-            // The entries of a band fit into a buffer, and their number fits into 32 bits.
-            let starts: Vec<u32> =
-                row_start[rows.start..=rows.end].iter().map(|start| (start - entries.start) as u32).collect();
-            let weights =
-                weights.iter().map(|plane| gpu.storage("matrix's weights", &plane[entries.clone()]));
-            Ok(Band {
-                rows: rows.start as u32..rows.end as u32,
-                starts: gpu.storage("matrix's rows", &starts)?,
-                columns: gpu.storage("matrix's columns", &columns[entries.clone()])?,
-                weights: weights.collect::<Result<_>>()?,
-            })
-        };
-        let bands = cut(row_start, limits).into_iter().map(band).collect::<Result<_>>()?;
-        Ok(Self { bounces, bands })
-    }
-}
-
 /// Divides the rows into bands of whole rows. Each band has as many rows as the limits allow, and at least one.
-fn cut(row_start: &[usize], limits: Limits) -> Vec<Range<usize>> {
+pub(in crate::transport) fn cut(row_start: &[usize], limits: Limits) -> Vec<Range<usize>> {
     let rows = row_start.len() - 1;
     let mut bands = Vec::new();
     let mut first = 0;
     while first < rows {
-        let next = &row_start[first + 1..=rows.min(first + limits.rows)];
+        let next = &row_start[first + 1..=rows.min(first.saturating_add(limits.rows))];
         let fit = next.partition_point(|end| end - row_start[first] <= limits.entries);
         bands.push(first..first + fit.max(1));
         first += fit.max(1);
@@ -93,8 +48,6 @@ const ROWS_OF_GROUP: u32 = 2;
 
 /// The flag for a band with entries; `HAS_ENTRIES` of `shaders/product.wgsl`.
 const HAS_ENTRIES: u32 = 1;
-
-const MOST_GROUPS: u32 = 65_535;
 
 /// The uniform of a dispatch, with the layout of `Band` in `shaders/product.wgsl`.
 #[repr(C)]
@@ -114,6 +67,7 @@ pub(super) struct Terms {
     pub(super) adds: bool,
 }
 
+#[derive(Clone)]
 pub(super) struct Kernel {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
@@ -163,11 +117,11 @@ impl Kernel {
             gpu.queue.write_buffer(&parameters, 0, bytemuck::bytes_of(&values));
             gpu.bind("product", &self.layout, buffers.map(wgpu::Buffer::as_entire_binding))
         })?;
-        Ok(Step { group, workgroups: workgroups(count) })
+        Ok(Step { group, workgroups: grid(count.div_ceil(ROWS_OF_GROUP)) })
     }
 
-    pub(super) fn encode(&self, encoder: &mut wgpu::CommandEncoder, steps: &[Step]) {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+    pub(super) fn encode(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, steps: &[Step]) {
+        let mut pass = gpu.pass(encoder, "products");
         pass.set_pipeline(&self.pipeline);
         for Step { group, workgroups: [across, down] } in steps {
             pass.set_bind_group(0, group, &[]);
@@ -178,13 +132,6 @@ impl Kernel {
 
 fn bits(terms: Terms) -> u32 {
     u32::from(terms.diagonal) << 1 | u32::from(terms.adds) << 2
-}
-
-/// The numbers of workgroups in two dimensions that cover `rows` rows. The second number is as small as possible.
-fn workgroups(rows: u32) -> [u32; 2] {
-    let groups = rows.div_ceil(ROWS_OF_GROUP);
-    let down = groups.div_ceil(MOST_GROUPS).max(1);
-    [groups.div_ceil(down), down]
 }
 
 #[cfg(test)]
@@ -201,19 +148,6 @@ mod tests {
         assert_constant("product", "HAS_ENTRIES", HAS_ENTRIES);
         assert_constant("product", "HAS_DIAGONAL", bits(diagonal));
         assert_constant("product", "ADDS", bits(adds));
-    }
-
-    #[test]
-    fn workgroups_are_enough_and_within_the_limits() {
-        for rows in [0, 1, 2, 3, 131_070, 131_071, 1 << 20, 268_435_456] {
-            let [across, down] = workgroups(rows);
-            assert!(across <= MOST_GROUPS && down <= MOST_GROUPS, "{rows}");
-            assert!(ROWS_OF_GROUP * across * down >= rows, "{rows}");
-            assert!(
-                across * down < rows.div_ceil(ROWS_OF_GROUP) + down.max(1),
-                "{rows}: nearly none for nothing"
-            );
-        }
     }
 
     #[test]
@@ -247,19 +181,5 @@ mod tests {
             [1 << 22, 1 << 15],
             "software Vulkan has smaller dispatches"
         );
-    }
-
-    #[test]
-    fn a_row_has_as_many_entries_as_a_device_can_sum() {
-        let gpu = super::super::tests::gpu();
-        let upload = |entries: usize| {
-            let columns = (0..entries as u32).collect();
-            let rows =
-                CompressedRows { row_start: vec![0, 1, entries], columns, weights: vec![vec![1.0; entries]] };
-            DeviceLayer::upload(&gpu, Bounces::Global, &rows, ON_PROCESSOR).map(|layer| layer.bands.len())
-        };
-        assert_eq!(upload(LONGEST_ROW + 1).expect("the longest row fits"), 1);
-        let error = upload(LONGEST_ROW + 2).expect_err("the row is too long").to_string();
-        assert!(error.contains("1048577 entries") && error.contains("--products cpu"), "{error}");
     }
 }

@@ -1,15 +1,18 @@
 //! The matrix in a device's memory. The device computes products, and only patterns and photos are transferred.
 
 mod kernel;
+mod layer;
 #[cfg(test)]
 pub(super) mod tests;
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use wgpu::BufferUsages;
 
-use self::kernel::{Band, DeviceLayer, Kernel, Limits, Step, Terms};
+use self::kernel::{Kernel, Step, Terms};
+pub(super) use self::kernel::{Limits, cut};
+pub(super) use self::layer::{Band, DeviceLayer};
 use super::layer::Layer;
 use super::matrix::Product;
 use super::{Part, RigShape, TransportMatrix};
@@ -27,7 +30,7 @@ pub struct GpuMatrix {
     gpu: Gpu,
     kernel: Kernel,
     rig: RigShape,
-    layers: Vec<DeviceLayer>,
+    layers: Vec<Arc<DeviceLayer>>,
     diagonals: Vec<wgpu::Buffer>,
     /// Whether direct light is a diagonal. If not, `diagonals` has empty buffers.
     has_diagonal: bool,
@@ -41,7 +44,7 @@ pub struct GpuMatrix {
 /// The transpose and the dispatches, which are made at first use. A product locks them, because all products use the same vector buffers.
 #[derive(Default)]
 struct State {
-    transposed: Option<Vec<DeviceLayer>>,
+    transposed: Option<Vec<Arc<DeviceLayer>>>,
     products: Vec<(Product, Vec<Step>)>,
 }
 
@@ -62,14 +65,34 @@ impl GpuMatrix {
     }
 
     fn within(gpu: &Gpu, matrix: &TransportMatrix, limits: Limits) -> Result<Self> {
-        if !gpu.summary.double_precision {
-            return Err(Error::device(format!(
-                "{} cannot calculate in f64, which products need",
-                gpu.summary.name
-            ))
-            .help("take the products on the processor: --products cpu"));
-        }
-        let kernel = Kernel::new(gpu)?;
+        let layer = |layer: &Layer| match layer.resident() {
+            Some(resident) => Ok(Arc::clone(resident)),
+            None => DeviceLayer::upload(gpu, layer.bounces(), &layer.to_rows(), limits).map(Arc::new),
+        };
+        require_double_precision(gpu)?;
+        let layers = matrix.layers.iter().map(layer).collect::<Result<_>>()?;
+        Self::with(gpu, matrix, layers, State::default(), limits)
+    }
+
+    /// A matrix whose layers are on the device already. `transposed` has the layers of the transpose, if the rig is not coaxial.
+    pub(super) fn of_layers(
+        gpu: &Gpu,
+        matrix: &TransportMatrix,
+        layers: Vec<Arc<DeviceLayer>>,
+        transposed: Option<Vec<Arc<DeviceLayer>>>,
+    ) -> Result<Self> {
+        let state = State { transposed, products: Vec::new() };
+        Self::with(gpu, matrix, layers, state, Limits::of(gpu))
+    }
+
+    fn with(
+        gpu: &Gpu,
+        matrix: &TransportMatrix,
+        layers: Vec<Arc<DeviceLayer>>,
+        state: State,
+        limits: Limits,
+    ) -> Result<Self> {
+        let kernel = gpu.kept("product", || Kernel::new(gpu))?;
         let rig = matrix.rig;
         let bytes = 8 * rig.projector.pixels().max(rig.camera.pixels()) as u64;
         let from = gpu.buffer("pattern", bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
@@ -77,10 +100,7 @@ impl GpuMatrix {
         let diagonals = matrix.direct.iter().map(|plane| gpu.storage("matrix's diagonal", plane));
         let diagonals = diagonals.collect::<Result<_>>()?;
         let has_diagonal = matrix.direct.iter().all(|plane| plane.len() == rig.camera.pixels());
-        let layer = |layer: &Layer| DeviceLayer::upload(gpu, layer.bounces(), &layer.to_rows(), limits);
-        let layers = matrix.layers.iter().map(layer).collect::<Result<_>>()?;
-        let state = Mutex::default();
-        let gpu = gpu.clone();
+        let (state, gpu) = (Mutex::new(state), gpu.clone());
         Ok(Self { gpu, kernel, rig, layers, diagonals, has_diagonal, limits, from, to, state })
     }
 
@@ -105,7 +125,7 @@ impl GpuMatrix {
         if product.direction == Direction::Adjoint && !self.rig.symmetric && state.transposed.is_none() {
             let layer = |layer: &Layer| {
                 let rows = layer.to_rows().transposed(&(0..self.rig.projector.pixels()), 0);
-                DeviceLayer::upload(&self.gpu, layer.bounces(), &rows, self.limits)
+                DeviceLayer::upload(&self.gpu, layer.bounces(), &rows, self.limits).map(Arc::new)
             };
             state.transposed = Some(matrix.layers.iter().map(layer).collect::<Result<_>>()?);
         }
@@ -180,7 +200,7 @@ impl GpuMatrix {
         let submission = gpu.guarded("product", || {
             gpu.queue.write_buffer(pattern, 0, bytemuck::cast_slice(from));
             let mut encoder = gpu.encoder();
-            self.kernel.encode(&mut encoder, steps);
+            self.kernel.encode(gpu, &mut encoder, steps);
             photo.submit(gpu, encoder, bytes)
         })?;
         let view = photo.wait(gpu, photo.request(bytes, submission))?;
@@ -189,6 +209,14 @@ impl GpuMatrix {
         photo.release();
         Ok(())
     }
+}
+
+fn require_double_precision(gpu: &Gpu) -> Result<()> {
+    if gpu.summary.double_precision {
+        return Ok(());
+    }
+    Err(Error::device(format!("{} cannot calculate in f64, which products need", gpu.summary.name))
+        .help("take the products on the processor: --products cpu"))
 }
 
 /// Measurements for the benchmarks: products without transfers to or from the host, and plain copies for comparison.
@@ -217,7 +245,7 @@ impl GpuMatrix {
         let product = Product { part: Part::Full, channel: 0, direction: Direction::Forward };
         let steps = self.steps(&mut state, product)?;
         self.time("products", |encoder| {
-            (0..count).for_each(|_| self.kernel.encode(encoder, steps));
+            (0..count).for_each(|_| self.kernel.encode(&self.gpu, encoder, steps));
         })
     }
 

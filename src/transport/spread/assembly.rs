@@ -5,12 +5,14 @@ use std::sync::{Arc, OnceLock};
 
 use super::exchange::{self, Combined, Steps};
 use super::{Command, Spread};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
+use crate::observer::Level;
 use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
 use crate::team::{Comm, Team, answer, from_bytes, garbled, read_answer, threads, to_bytes};
 use crate::transport::assembled::{Assembled, shape};
 use crate::transport::contributions::Share;
+use crate::transport::device;
 use crate::transport::layer::{Bounces, Layer};
 use crate::transport::noise::{EntrySquares, Estimates, Noise, relative};
 use crate::transport::scaling::pilot;
@@ -45,6 +47,15 @@ pub(in crate::transport) fn assemble<const C: usize>(
         Some(remote) => (remote.id(), remote.team().clone()),
         None => (0, Team::alone()),
     };
+    if team.size() == 1 && tracer.assembles_on_device() {
+        match device::assemble(tracer, settings, channels, split) {
+            Err(Error::Device { fault, .. }) if tracer.gpu().require_working().is_ok() => {
+                let note = format!("note: the matrix is assembled on the processor: {fault}");
+                tracer.observer().log(Level::Note, &note);
+            }
+            made => return made,
+        }
+    }
     let pixels = balanced(tracer, settings, team.size())?;
     let remote = team.remote();
     let command = Command::Assemble { scene, settings: *settings, channels, split, pixels: pixels.clone() };

@@ -26,9 +26,7 @@ use std::sync::{Arc, OnceLock};
 
 use serde::{Deserialize, Serialize};
 
-#[cfg(test)]
-pub(super) use assembly::classes;
-pub(super) use assembly::{assemble, of_share};
+pub(super) use assembly::{assemble, classes, of_share};
 pub(super) use exchange::Steps;
 #[cfg(test)]
 pub(super) use exchange::{Combined, merge, steps};

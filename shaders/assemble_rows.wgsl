@@ -1,0 +1,264 @@
+// Sorts the terms of each row, sums those of one entry, and adds up what the noise is computed from. A workgroup takes a
+// row. The entries of each class follow one another, by ascending columns.
+#import assembly
+#import scan
+#import sort
+
+const LANES = 128u;
+// The most terms of a row that are sorted in workgroup memory. Longer rows are sorted in place (LONG).
+const SORTED = 1024u;
+const PLACE_BITS = 10u;
+
+override CHANNELS: u32 = 3u;
+override LONG: bool = false;
+
+@group(0) @binding(1) var<storage, read_write> row_keys: array<u32>;
+@group(0) @binding(2) var<storage, read_write> row_values: array<f32>;
+@group(0) @binding(3) var<storage, read> starts: array<u32>;
+@group(0) @binding(4) var<storage, read> estimates: array<f64>;
+@group(0) @binding(5) var<storage, read_write> entry_columns: array<u32>;
+@group(0) @binding(6) var<storage, read_write> entry_values: array<f32>;
+// The number of entries of each class in each row.
+@group(0) @binding(7) var<storage, read_write> classes: array<u32>;
+// For each row: the sums over its entries of mean and error in each channel, and of the squares of both, with and
+// without light of one bounce.
+@group(0) @binding(8) var<storage, read_write> sums: array<f64>;
+
+var<workgroup> added: array<f64, LANES>;
+var<workgroup> has_diagonal: atomic<u32>;
+
+struct Sum {
+    mean: array<f64, 3>,
+    error: array<f64, 3>,
+}
+
+fn key_at(row_start: u32, at: u32) -> u32 {
+    if (LONG) {
+        return row_keys[row_start + at];
+    }
+    return sorted_key(at);
+}
+
+fn place_at(at: u32) -> u32 {
+    if (LONG) {
+        return at;
+    }
+    return sorted_place(at);
+}
+
+// Column and class of a term.
+fn position_at(row_start: u32, at: u32) -> u32 {
+    return key_at(row_start, at) >> (assembly.part_bits + 1u);
+}
+
+fn weight(high: vec4f, low: vec4f, which: u32) -> f64 {
+    return f64(high[which]) + f64(low[which]);
+}
+
+// The sum of the terms from `first` on that have the same position.
+fn sum_from(row_start: u32, first: u32, count: u32) -> Sum {
+    var sum = Sum();
+    let position = position_at(row_start, first);
+    let mean = f64(assembly.mean.x) + f64(assembly.mean.y);
+    for (var at = first; at < count && position_at(row_start, at) == position; at += 1u) {
+        let key = key_at(row_start, at);
+        let number = key & ((1u << assembly.part_bits) - 1u);
+        let projector = select((key >> assembly.part_bits) & 1u, 0u, is_set(SYMMETRIC));
+        let half = u32(number >= assembly.first_halves[projector]);
+        let error = weight(assembly.error_high, assembly.error_low, 2u * projector + half);
+        for (var channel = 0u; channel < CHANNELS; channel += 1u) {
+            let value = f64(row_values[(row_start + place_at(at)) * CHANNELS + channel]);
+            sum.mean[channel] += value * mean;
+            sum.error[channel] += value * error;
+        }
+    }
+    return sum;
+}
+
+fn exchange_global(a: u32, b: u32) {
+    let key = row_keys[a];
+    row_keys[a] = row_keys[b];
+    row_keys[b] = key;
+    for (var channel = 0u; channel < CHANNELS; channel += 1u) {
+        let value = row_values[a * CHANNELS + channel];
+        row_values[a * CHANNELS + channel] = row_values[b * CHANNELS + channel];
+        row_values[b * CHANNELS + channel] = value;
+    }
+}
+
+// Sorts a row in place, by the network of `sort` for any number of terms: an element beyond the end counts as the largest.
+fn sort_global(row_start: u32, lane: u32, count: u32) {
+    var size = 1u;
+    while (size < count) {
+        size *= 2u;
+    }
+    for (var run = 2u; run <= size; run *= 2u) {
+        for (var apart = run / 2u; apart > 0u; apart /= 2u) {
+            for (var pair = lane; pair < size / 2u; pair += LANES) {
+                let low = pair & (apart - 1u);
+                let a = ((pair & ~(apart - 1u)) << 1u) | low;
+                // All merges ascend: the first step of a merge compares with the mirror image in the other half.
+                let b = select(a + apart, (a - low) + 2u * apart - 1u - low, apart == run / 2u);
+                if (b < count && row_keys[row_start + a] > row_keys[row_start + b]) {
+                    exchange_global(row_start + a, row_start + b);
+                }
+            }
+            storageBarrier();
+            workgroupBarrier();
+        }
+    }
+}
+
+@compute @workgroup_size(128)
+fn merge_rows(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let local = group.y * groups.x + group.x;
+    if (local >= assembly.rows) {
+        return;
+    }
+    let row = assembly.first_row + local;
+    let row_start = starts[row] - starts[assembly.first_row];
+    let count = starts[row + 1u] - starts[row];
+    if ((count > SORTED) != LONG) {
+        return;
+    }
+    if (LONG) {
+        sort_global(row_start, lane, count);
+    } else {
+        for (var at = lane; at < count; at += LANES) {
+            put(at, row_keys[row_start + at], at);
+        }
+        sort(lane, count);
+    }
+    if (lane == 0u) {
+        atomicStore(&has_diagonal, 0u);
+    }
+    let each = (count + LANES - 1u) / LANES;
+    let lane_first = min(lane * each, count);
+    let lane_end = min(lane_first + each, count);
+    let class_mask = (1u << assembly.class_bits) - 1u;
+    var begins = array<u32, 3>();
+    for (var at = lane_first; at < lane_end; at += 1u) {
+        let position = position_at(row_start, at);
+        if (at == 0u || position_at(row_start, max(at, 1u) - 1u) != position) {
+            begins[position & class_mask] += 1u;
+        }
+    }
+    // Places of this lane's first entry of each class.
+    var next = array<u32, 3>();
+    var before = row_start;
+    for (var number = 0u; number <= class_mask && number < 3u; number += 1u) {
+        next[number] = before + scan_lanes(lane, begins[number]);
+        let all = partial[LANES - 1u];
+        workgroupBarrier();
+        before += all;
+        if (lane == 0u) {
+            classes[number * assembly.rows + local] = all;
+        }
+    }
+    var row_mean = array<f64, 3>();
+    var row_error = array<f64, 3>();
+    var squares = array<f64, 4>();
+    for (var at = lane_first; at < lane_end; at += 1u) {
+        let position = position_at(row_start, at);
+        if (at > 0u && position_at(row_start, max(at, 1u) - 1u) == position) {
+            continue;
+        }
+        let column = position >> assembly.class_bits;
+        let number = position & class_mask;
+        let entry = next[number];
+        next[number] += 1u;
+        let sum = sum_from(row_start, at, count);
+        entry_columns[entry] = column;
+        for (var channel = 0u; channel < CHANNELS; channel += 1u) {
+            entry_values[entry * CHANNELS + channel] = f32(sum.mean[channel]);
+            row_mean[channel] += sum.mean[channel];
+            row_error[channel] += sum.error[channel];
+        }
+        if (at == 0u || (position_at(row_start, max(at, 1u) - 1u) >> assembly.class_bits) != column) {
+            if (column == row) {
+                atomicStore(&has_diagonal, 1u);
+            }
+            square_column(row, row_start, at, count, &squares);
+        }
+    }
+    workgroupBarrier();
+    if (lane == 0u && assembly.direct == 1u) {
+        for (var channel = 0u; channel < CHANNELS; channel += 1u) {
+            let at = 2u * (row * CHANNELS + channel);
+            row_mean[channel] += estimates[at];
+            row_error[channel] += estimates[at + 1u];
+            if (atomicLoad(&has_diagonal) == 0u) {
+                squares[0] += estimates[at] * estimates[at];
+                squares[1] += estimates[at + 1u] * estimates[at + 1u];
+            }
+        }
+    }
+    let of_row = row * (2u * CHANNELS + 4u);
+    for (var channel = 0u; channel < CHANNELS; channel += 1u) {
+        add_lanes(lane, row_mean[channel], of_row + 2u * channel);
+        add_lanes(lane, row_error[channel], of_row + 2u * channel + 1u);
+    }
+    for (var which = 0u; which < 4u; which += 1u) {
+        add_lanes(lane, squares[which], of_row + 2u * CHANNELS + which);
+    }
+}
+
+// Adds the squares of mean and error of the column that begins at `first`: for all its light, and for that of two and more
+// bounces.
+fn square_column(row: u32, row_start: u32, first: u32, count: u32, squares: ptr<function, array<f64, 4>>) {
+    let column = position_at(row_start, first) >> assembly.class_bits;
+    var whole = Sum();
+    var others = Sum();
+    if (column == row && assembly.direct == 1u) {
+        for (var channel = 0u; channel < CHANNELS; channel += 1u) {
+            whole.mean[channel] = estimates[2u * (row * CHANNELS + channel)];
+            whole.error[channel] = estimates[2u * (row * CHANNELS + channel) + 1u];
+        }
+    }
+    var last = NOTHING;
+    for (var at = first; at < count; at += 1u) {
+        let position = position_at(row_start, at);
+        if ((position >> assembly.class_bits) != column) {
+            break;
+        }
+        if (position == last) {
+            continue;
+        }
+        last = position;
+        let sum = sum_from(row_start, at, count);
+        let is_direct = (position & ((1u << assembly.class_bits) - 1u)) + assembly.lowest_class == 0u;
+        for (var channel = 0u; channel < CHANNELS; channel += 1u) {
+            whole.mean[channel] += sum.mean[channel];
+            whole.error[channel] += sum.error[channel];
+            if (!is_direct) {
+                others.mean[channel] += sum.mean[channel];
+                others.error[channel] += sum.error[channel];
+            }
+        }
+    }
+    for (var channel = 0u; channel < CHANNELS; channel += 1u) {
+        (*squares)[0] += whole.mean[channel] * whole.mean[channel];
+        (*squares)[1] += whole.error[channel] * whole.error[channel];
+        (*squares)[2] += others.mean[channel] * others.mean[channel];
+        (*squares)[3] += others.error[channel] * others.error[channel];
+    }
+}
+
+// Writes the sum over all lanes to a place of `sums`.
+fn add_lanes(lane: u32, own: f64, to: u32) {
+    added[lane] = own;
+    for (var others = LANES / 2u; others > 0u; others /= 2u) {
+        workgroupBarrier();
+        if (lane < others) {
+            added[lane] += added[lane + others];
+        }
+    }
+    if (lane == 0u) {
+        sums[to] = added[0];
+    }
+    workgroupBarrier();
+}

@@ -1,0 +1,160 @@
+//! Traces without moving the records to the host: a consumer on the device takes them, while the next dispatch is already submitted.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::time::Instant;
+
+use super::batch::RecordLayout;
+use super::dispatch::PathWork;
+use super::kernel::Parameters;
+use super::launch::{Output, StagingBuffers, record_bytes};
+use super::settings::{StartPixels, TraceSettings, TraceSummary};
+use super::strategy::Strategy;
+use super::tracer::{kernel, step};
+use super::{Tracer, dispatch};
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+
+/// The maximum number of paths of a dispatch. So many paths keep a GPU busy, and their records fit any GPU's memory.
+const MOST_PATHS: u64 = 1 << 20;
+
+/// The number of paths of the first dispatch on a GPU, whose time determines the size of the next one. Even a slow GPU takes them in time.
+const FIRST_PATHS: u32 = 1 << 16;
+
+/// The maximum number of dispatches in flight, so that the device need not wait for the host.
+const IN_FLIGHT: usize = 2;
+
+/// The paths of one dispatch, whose records are on the device.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ResidentPaths {
+    pub(crate) first_path: u64,
+    pub(crate) paths: u32,
+    /// The mark of the records of finished paths, in the upper 16 bits.
+    pub(crate) mark: u32,
+}
+
+/// Takes the records of paths on the device that traced them.
+pub(crate) trait Consumer {
+    /// Prepares for the paths from one endpoint of the rig, whose records will be in `records`. `paths` is their number.
+    fn begin(&mut self, gpu: &Gpu, layout: &RecordLayout, paths: u64, records: &wgpu::Buffer) -> Result<()>;
+
+    /// The number of paths of the dispatch that begins with `first_path`. It should be at most `most`, if the consumer can take so few.
+    fn paths_from(&self, first_path: u64, most: u32) -> u32;
+
+    /// Prepares for a dispatch, before its commands are recorded.
+    fn prepare(&mut self, gpu: &Gpu, paths: &ResidentPaths) -> Result<()>;
+
+    /// Records the commands that take the records of a dispatch.
+    fn record(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder);
+
+    /// Called after a dispatch was submitted.
+    fn submitted(&mut self, submission: &wgpu::SubmissionIndex);
+
+    /// Called for the oldest dispatch in flight. Waits until it is done.
+    fn finished(&mut self, gpu: &Gpu) -> Result<()>;
+}
+
+impl Tracer {
+    /// Works like [`Tracer::trace`], but `consumer` takes the records on the device. The rays and the unfinished paths are not counted here.
+    pub(crate) fn trace_resident(
+        &mut self,
+        settings: &TraceSettings,
+        consumer: &mut dyn Consumer,
+    ) -> Result<TraceSummary> {
+        settings.check()?;
+        let strategies = self.strategies(settings)?;
+        let pixels: StartPixels = self.start_pixels(settings);
+        let all: Vec<Range<u64>> = strategies.iter().map(|strategy| strategy.paths_from(&pixels)).collect();
+        let total = all.iter().map(|paths| paths.end - paths.start).sum();
+        let mut summary = TraceSummary::default();
+        for (mut strategy, paths) in strategies.into_iter().zip(all) {
+            // Several paths of an invocation are an optimization for the processor.
+            strategy.features.several_paths = false;
+            self.run_resident(&strategy, paths, total, &mut summary, consumer)?;
+        }
+        // Everything has been traced, so a request to stop has no effect.
+        let _ = step(&*self.observer, total, total);
+        Ok(summary)
+    }
+
+    fn run_resident(
+        &mut self,
+        strategy: &Strategy,
+        mut left: Range<u64>,
+        total: u64,
+        summary: &mut TraceSummary,
+        consumer: &mut dyn Consumer,
+    ) -> Result<()> {
+        let Self { gpu, scene, kernels, dispatches, resident, observer, .. } = self;
+        let kernel = kernel(gpu, kernels, &strategy.features)?;
+        let most = MOST_PATHS.min(left.end - left.start);
+        let capacity = dispatches.capacity(gpu, u64::from(strategy.parameters.stride), 1, most);
+        let bytes = record_bytes(&strategy.parameters, capacity);
+        // The buffers of the last trace are used again. An interrupted trace has dropped its buffers.
+        let staging = match resident.take().filter(|staging| staging.bytes() >= bytes) {
+            Some(staging) => staging,
+            None => StagingBuffers::resident(gpu, bytes)?,
+        };
+        let (chains, light_buffer) = (&strategy.chains, &strategy.light_buffer);
+        let output = Output::new(gpu, &kernel.pipeline, scene, chains, light_buffer, staging)?;
+        consumer.begin(gpu, &strategy.layout, left.end - left.start, &output.staging.results.buffer)?;
+        kernel.sizer.begin(PathWork::of(&strategy.parameters));
+        if !gpu.summary.is_processor() {
+            kernel.sizer.start_with(FIRST_PATHS);
+        }
+        let mut in_flight = VecDeque::new();
+        let mut idle_since = Instant::now();
+        loop {
+            while in_flight.len() < kernel.sizer.max_in_flight().min(IN_FLIGHT) && !left.is_empty() {
+                if step(&**observer, summary.paths, total).is_break() {
+                    return Err(Error::Interrupted);
+                }
+                let wanted = consumer.paths_from(left.start, kernel.sizer.paths(capacity)).min(capacity);
+                let paths = u64::from(wanted).min(left.end - left.start) as u32;
+                let samples = u64::from(strategy.parameters.samples);
+                let parameters = Parameters {
+                    first_pixel: (left.start / samples) as u32,
+                    first_sample: (left.start % samples) as u32,
+                    paths,
+                    mark: dispatches.mark(),
+                    ..strategy.parameters
+                };
+                let dispatched = ResidentPaths { first_path: left.start, paths, mark: parameters.mark };
+                consumer.prepare(gpu, &dispatched)?;
+                let start = Instant::now();
+                let submission = gpu.guarded("dispatch", || {
+                    let mut encoder = gpu.encoder();
+                    output.record(gpu, &mut encoder, &parameters);
+                    consumer.record(gpu, &mut encoder);
+                    gpu.queue.submit([encoder.finish()])
+                })?;
+                consumer.submitted(&submission);
+                in_flight.push_back((start, paths));
+                left.start += u64::from(paths);
+                summary.paths += u64::from(paths);
+                summary.dispatches += 1;
+            }
+            let Some((start, paths)) = in_flight.pop_front() else { break };
+            consumer.finished(gpu)?;
+            // If a dispatch waited for an earlier one, it began when the earlier one was done.
+            let elapsed = start.max(idle_since).elapsed();
+            idle_since = Instant::now();
+            summary.longest = summary.longest.max(elapsed);
+            summary.tracing += elapsed;
+            kernel.sizer.adapt(paths, elapsed);
+        }
+        *resident = Some(output.staging);
+        Ok(())
+    }
+
+    /// The layouts of the records of a trace with these settings, for each endpoint at which paths start.
+    pub(crate) fn record_layouts(&mut self, settings: &TraceSettings) -> Result<Vec<RecordLayout>> {
+        settings.check()?;
+        Ok(self.strategies(settings)?.into_iter().map(|strategy| strategy.layout).collect())
+    }
+
+    /// The error for light paths that the driver left unfinished.
+    pub(crate) fn unfinished(&self, unfinished: u64, total: u64) -> Error {
+        dispatch::unfinished_paths(unfinished, total, &self.scene)
+    }
+}

@@ -1,0 +1,302 @@
+//! Assembles the matrix on the device that traces the paths, so that neither records nor entries move to the host.
+//!
+//! 1. Each dispatch's contributions become terms (`parts`): a workgroup takes some samples of a pixel, sorts their contributions, and sums
+//!    those of one class and pixel in the order of the paths.
+//! 2. When all paths are traced, the terms move to the rows of the pixels at which their paths start and end (`rows`). A workgroup sorts a
+//!    row and sums the terms of each entry, its error and the squares from which the noise is computed.
+//! 3. The entries of each class of bounces become a layer, in the arrays that products read. The host reads them only if it needs them
+//!    ([`DeviceLayer`]).
+//!
+//! Integer atomics count terms and choose their places. Every sum of floating-point numbers is in double precision and in a fixed order, so
+//! the bits repeat, and an entry and its mirror image agree to the last bit. The sums differ from the host's only by rounding.
+
+mod kernels;
+mod parts;
+mod rows;
+mod self_test;
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use wgpu::BufferUsages;
+
+use self::kernels::{Assembly, BLOCK, Kernels, PIXELS_OF_GROUP, Packing, SUMS, Step, split};
+use self::parts::{ClassRange, Division, Parts};
+use self::rows::Rows;
+use super::assembled::{Assembled, shape};
+use super::gpu_matrix::{self, DeviceLayer, GpuMatrix};
+use super::layer::Layer;
+use super::noise::{Halves, Noise, relative};
+use super::spread::classes;
+use super::{Bounces, Channels, RigShape, TransportMatrix};
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::image::Image;
+use crate::render::{RecordLayout, TraceSettings, TraceSummary, Tracer};
+
+/// The largest arrays of an assembly, in elements.
+#[derive(Clone, Copy, Debug)]
+struct Limits {
+    /// Terms of an arena.
+    arena: u64,
+    /// Terms of a band.
+    entries: usize,
+    /// Whether keys share a word with their places if they can.
+    packs: bool,
+}
+
+impl Limits {
+    /// The maximum number of terms of an arena: half a gigabyte in one channel.
+    const ARENA: u64 = 1 << 26;
+    /// The maximum number of terms of a band.
+    const ENTRIES: u64 = 1 << 27;
+
+    fn of(gpu: &Gpu, channels: usize) -> Self {
+        let room = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer) / (4 * channels as u64);
+        let entries = usize::try_from(Self::ENTRIES.min(room)).unwrap_or(usize::MAX);
+        Self { arena: Self::ARENA.min(room), entries, packs: true }
+    }
+
+    fn of_bands(self) -> gpu_matrix::Limits {
+        gpu_matrix::Limits { entries: self.entries, rows: usize::MAX }
+    }
+}
+
+/// Traces the scene and assembles its matrix on the device. The observer sees the steps.
+///
+/// # Errors
+/// [`Error::Device`] if the device lacks memory or `f64`, or failed its self-test; otherwise like [`Tracer::trace`].
+pub(super) fn assemble(
+    tracer: &mut Tracer,
+    settings: &TraceSettings,
+    channels: Channels,
+    split: bool,
+) -> Result<Assembled> {
+    let gpu = tracer.gpu().clone();
+    require_double_precision(&gpu)?;
+    self_test::require_working(&gpu, channels)?;
+    let limits = Limits::of(&gpu, channels.count());
+    assemble_within(tracer, settings, channels, split, limits)
+}
+
+fn require_double_precision(gpu: &Gpu) -> Result<()> {
+    if gpu.summary.double_precision {
+        return Ok(());
+    }
+    Err(Error::device(format!("{} cannot calculate in f64, which sums of light need", gpu.summary.name)))
+}
+
+fn assemble_within(
+    tracer: &mut Tracer,
+    settings: &TraceSettings,
+    channels: Channels,
+    split: bool,
+    limits: Limits,
+) -> Result<Assembled> {
+    let gpu = tracer.gpu().clone();
+    let rig = shape(tracer, settings);
+    let layouts = tracer.record_layouts(settings)?;
+    let assembly = Assembling::new(&gpu, rig, channels, (settings.samples, split), &layouts, limits)?;
+    let mut parts = assembly.parts()?;
+    let mut summary = tracer.trace_resident(settings, &mut parts)?;
+    let made = assembly.finish(parts)?;
+    if made.unfinished > 0 {
+        return Err(tracer.unfinished(made.unfinished, summary.paths));
+    }
+    summary.rays = made.rays;
+    Ok(Assembled { summary, ..made.assembled })
+}
+
+/// A matrix with the cost of its paths.
+struct Made {
+    assembled: Assembled,
+    rays: u64,
+    unfinished: u64,
+}
+
+/// The assembly of one matrix.
+struct Assembling<'a> {
+    gpu: &'a Gpu,
+    kernels: Kernels,
+    limits: Limits,
+    rig: RigShape,
+    channels: Channels,
+    samples: u32,
+    split: bool,
+    classes: ClassRange,
+    /// The parameters that all steps have in common.
+    base: Assembly,
+}
+
+impl<'a> Assembling<'a> {
+    /// Prepares for paths whose records have these layouts: one for a coaxial rig, or one for the camera and one for the projector.
+    fn new(
+        gpu: &'a Gpu,
+        rig: RigShape,
+        channels: Channels,
+        (samples, is_split): (u32, bool),
+        layouts: &[RecordLayout],
+        limits: Limits,
+    ) -> Result<Self> {
+        let direct = layouts.first().is_some_and(|layout| layout.direct);
+        let classes = ClassRange::of(direct, is_split);
+        let divisions: Vec<Division> =
+            layouts.iter().map(|layout| Division::new(layout.samples, layout.most_ends())).collect();
+        let most_parts = divisions.iter().map(|division| division.parts_of_pixel).max().unwrap_or(1);
+        let part_bits = bits(u64::from(most_parts));
+        let pixel_bits = bits(rig.camera.pixels().max(rig.projector.pixels()) as u64);
+        let term_bits = pixel_bits + classes.bits();
+        let packing = Packing::new(term_bits, term_bits + 1 + part_bits)?;
+        let packing = if limits.packs { packing } else { Packing { of_part: false, of_row: false } };
+        let kernels = Kernels::of(gpu, channels.count(), packing)?;
+        let mut errors = [[0.0; 2]; 4];
+        for (layout, of_endpoint) in layouts.iter().zip(errors.chunks_mut(2)) {
+            let [_, first, second] = Halves::new(samples, layout.samples).weights();
+            of_endpoint.copy_from_slice(&[split(first), split(second)]);
+        }
+        let [mean, ..] = Halves::new(samples, samples).weights();
+        let halves = |index: usize| divisions.get(index).map_or(0, |division| division.parts_of_first_half);
+        let base = Assembly {
+            mean: split(mean),
+            error_high: errors.map(|[high, _]| high),
+            error_low: errors.map(|[_, low]| low),
+            direct: u32::from(direct),
+            lowest_class: classes.lowest,
+            class_bits: classes.bits(),
+            part_bits,
+            first_halves: [halves(0), halves(1)],
+            ..Assembly::default()
+        };
+        Ok(Self { gpu, kernels, limits, rig, channels, samples, split: is_split, classes, base })
+    }
+
+    fn parts(&self) -> Result<Parts> {
+        let of = (self.channels.count(), self.rig);
+        Parts::new(self.gpu, self.kernels.clone(), self.limits, of, (self.samples, self.split))
+    }
+
+    /// Makes the matrix from the terms of all paths.
+    fn finish(&self, parts: Parts) -> Result<Made> {
+        let (gpu, channels, rig) = (self.gpu, self.channels.count(), self.rig);
+        let camera = rig.camera.pixels();
+        let has_diagonal = self.base.direct == 1;
+        let Parts { counts, endpoints, .. } = &parts;
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
+        let planes =
+            |label, has: bool| gpu.buffer(label, 4 * if has { channels * camera } else { 1 } as u64, usage);
+        let has_ambient = endpoints.iter().any(|endpoint| endpoint.layout.ambient);
+        let has_heads = has_diagonal || has_ambient;
+        let estimates = if has_heads { 16 * (channels * camera) as u64 } else { 8 };
+        let estimates = gpu.buffer("direct light", estimates, usage)?;
+        let [direct, ambient] =
+            [planes("matrix's diagonal", has_heads)?, planes("ambient light", has_heads)?];
+        let mut costs = Vec::new();
+        let mut steps = Vec::new();
+        for endpoint in endpoints {
+            let groups = endpoint.pixels().div_ceil(PIXELS_OF_GROUP);
+            let of_groups = gpu.buffer("costs", 8 * u64::from(groups), usage)?;
+            let parameters = Assembly { rows: endpoint.pixels(), ..endpoint.base };
+            let buffers = [&endpoint.parts, &endpoint.heads, &estimates, &direct, &ambient, &of_groups];
+            steps.push(self.kernels.pixels.step(gpu, &parameters, &buffers, groups)?);
+            costs.push((of_groups, 2 * groups as usize));
+        }
+        Step::submit(gpu, &steps)?;
+        let sums = |rows: usize| gpu.buffer("sums of rows", 8 * (rows * (2 * channels + 4)) as u64, usage);
+        let of_rows = sums(camera)?;
+        let bounces = &classes(self.split)[self.classes.lowest as usize..];
+        let rows = |is_transposed: bool, sums: &wgpu::Buffer| {
+            let [of_rows, columns] = match is_transposed {
+                false => [rig.camera, rig.projector],
+                true => [rig.projector, rig.camera],
+            };
+            let rows = Rows {
+                gpu,
+                kernels: &self.kernels,
+                limits: self.limits,
+                channels,
+                classes: self.classes,
+                base: self.base,
+                sources: endpoints.iter().map(|endpoint| (endpoint, endpoint.flags(is_transposed))).collect(),
+                counts,
+                first_count: if is_transposed { camera as u32 } else { 0 },
+                rows: of_rows.pixels() as u32,
+                columns: columns.pixels(),
+                estimates: &estimates,
+                sums,
+            };
+            rows.layers(bounces)
+        };
+        let layers = rows(false, &of_rows)?;
+        let transposed = match rig.symmetric {
+            true => None,
+            // The sums of its rows are not needed.
+            false => Some(rows(true, &sums(rig.projector.pixels())?)?),
+        };
+        let groups = (camera as u32).div_ceil(BLOCK);
+        let white = planes("errors of the white photo", true)?;
+        let all = gpu.buffer("sums of the matrix", 8 * u64::from(groups) * SUMS as u64, usage)?;
+        let parameters = Assembly { rows: camera as u32, ..self.base };
+        let step = self.kernels.sums.step(gpu, &parameters, &[&of_rows, &white, &all], groups)?;
+        Step::submit(gpu, &[step])?;
+        let plane = channels * camera;
+        let mut asked = vec![(&white, plane), (&all, 2 * SUMS * groups as usize)];
+        asked.extend(costs.iter().map(|(buffer, words)| (buffer, *words)));
+        asked.extend(has_heads.then_some([(&direct, plane), (&ambient, plane)]).into_iter().flatten());
+        let mut found = gpu.read_all::<u32>(&asked)?.into_iter();
+        let mut next = || found.next().unwrap_or_default();
+        let [white, all] = [next(), next()];
+        let (mut rays, mut unfinished) = (0, 0);
+        for cost in costs.iter().flat_map(|_| next()).collect::<Vec<_>>().as_chunks::<2>().0 {
+            rays += u64::from(cost[0]);
+            unfinished += u64::from(cost[1]);
+        }
+        let [direct_plane, ambient] = [next(), next()];
+        let floats = |words: &[u32]| words.iter().map(|&word| f32::from_bits(word)).collect::<Vec<f32>>();
+        let image = |words: &[u32]| {
+            let plane = |words: &[u32]| floats(words).into_iter().map(f64::from).collect();
+            Image::from_planes(rig.camera, &words.chunks(camera).map(plane).collect::<Vec<Vec<f64>>>())
+        };
+        let noise = if endpoints.iter().all(|endpoint| endpoint.layout.samples > 1) {
+            Some(noise(image(&white)?, &all))
+        } else {
+            None
+        };
+        let ambient = if has_ambient { image(&ambient)? } else { Image::filled(rig.camera, channels, 0.0) };
+        let direct_planes = match (has_diagonal, rig.symmetric) {
+            (true, _) => direct_plane.chunks(camera).map(floats).collect(),
+            // With a lens, direct light is not a diagonal.
+            (false, true) => vec![vec![0.0; camera]; channels],
+            (false, false) => vec![Vec::new(); channels],
+        };
+        let keeps = |layer: &DeviceLayer| layer.bounces != Bounces::One || layer.entries > 0;
+        let kept =
+            |layers: Vec<DeviceLayer>| layers.into_iter().filter(keeps).map(Arc::new).collect::<Vec<_>>();
+        let (layers, transposed) = (kept(layers), transposed.map(kept));
+        let of_host = layers.iter().map(|layer| Layer::on_device(Arc::clone(layer))).collect();
+        let matrix = TransportMatrix::new(rig, self.channels, direct_planes, of_host);
+        let gpu_matrix = Some(GpuMatrix::of_layers(gpu, &matrix, layers, transposed)?);
+        let assembled = Assembled { matrix, ambient, noise, summary: TraceSummary::default(), gpu_matrix };
+        Ok(Made { assembled, rays, unfinished })
+    }
+}
+
+/// The noise, from the errors of the white photo and the sums of all groups of rows, as `shaders/assemble_sums.wgsl` writes them.
+fn noise(white: Image, all: &[u32]) -> Noise {
+    let mut sums = [0.0; SUMS];
+    let words = all.as_chunks::<2>().0.iter().map(|&[low, high]| u64::from(low) | u64::from(high) << 32);
+    for (index, word) in words.enumerate() {
+        sums[index % SUMS] += f64::from_bits(word);
+    }
+    Noise {
+        white,
+        white_relative: relative(sums[5], sums[4]),
+        operator: relative(sums[1], sums[0]),
+        global: relative(sums[3], sums[2]),
+    }
+}
+
+/// The number of bits of numbers below `count`.
+fn bits(count: u64) -> u32 {
+    count.next_power_of_two().ilog2()
+}

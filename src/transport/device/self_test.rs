@@ -1,0 +1,161 @@
+//! The self-test of a device: it assembles a small matrix from known records, and the host does the same.
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use super::{Assembling, Limits};
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::image::Resolution;
+use crate::render::{Batch, Consumer, RecordLayout, ResidentPaths, TraceSummary};
+use crate::transport::assembled::Assembled;
+use crate::transport::contributions::Share;
+use crate::transport::spread::of_share;
+use crate::transport::{Channels, CompressedRows, Layer, RigShape};
+
+/// The number of roundings to single precision by which a weight may differ: of the luminance, of the sum of a part, and of the result, for
+/// each of the two terms of an entry, and here as well as there.
+const ROUNDINGS: f64 = 12.0;
+
+/// Fails with [`Error::Device`] if the device does not assemble the known matrix. Each device is tested once.
+pub(super) fn require_working(gpu: &Gpu, channels: Channels) -> Result<()> {
+    let works = gpu.kept(&format!("self-test of {channels:?}"), || {
+        let [device, host] = Known::new(channels).assembled(gpu, Limits::of(gpu, channels.count()))?;
+        Ok(difference(&device, &host)?.is_none())
+    })?;
+    if works { Ok(()) } else { Err(Error::device(format!("{} fails its self-test", gpu.summary.name))) }
+}
+
+/// Known records, as a trace might write them.
+pub(super) struct Known {
+    pub(super) channels: Channels,
+    pub(super) split: bool,
+    pub(super) layout: RecordLayout,
+    pub(super) resolution: Resolution,
+    /// How many connections there are to each that is not seen.
+    pub(super) seen: u32,
+    pub(super) seed: u64,
+}
+
+const MARK: u32 = 7 << 16;
+
+impl Known {
+    pub(super) fn new(channels: Channels) -> Self {
+        let layout = RecordLayout {
+            samples: 5,
+            max_bounces: 4,
+            direct: true,
+            gathers: true,
+            ambient: true,
+            symmetric: true,
+            from_camera: true,
+        };
+        Self { channels, split: true, layout, resolution: Resolution::new(19, 7), seen: 2, seed: 1 }
+    }
+
+    fn records(&self) -> Vec<[u32; 4]> {
+        let (layout, mut random) = (self.layout, Pcg64::seed_from_u64(self.seed));
+        let pixels = self.resolution.pixels() as u32;
+        let paths = (pixels * layout.samples) as usize;
+        let mut records = vec![[u32::MAX, 0, 0, 0]; layout.stride() * paths];
+        let light = |random: &mut Pcg64| random.random_range(0.0..2.0_f32).to_bits();
+        for path in 0..paths {
+            let surfaces = random.random_range(0..=layout.max_bounces);
+            let rays = random.random_range(1..20_u32);
+            let direct = if layout.direct { light(&mut random) } else { 0 };
+            records[path] = [MARK | rays << 8 | surfaces, direct, 0, direct];
+            for slot in 1..layout.stride() {
+                let is_ambient = layout.ambient && slot == layout.stride() - 1;
+                if is_ambient || random.random_range(0..=self.seen) > 0 {
+                    // Some surfaces of the other end's chain, in a gathered connection.
+                    let chain = u32::from(slot >= layout.gathered(2) && !is_ambient) << 28;
+                    let head = if is_ambient { MARK } else { random.random_range(0..pixels) | chain };
+                    records[slot * paths + path] = [head, light(&mut random), light(&mut random), 0];
+                }
+            }
+        }
+        records
+    }
+
+    /// The matrix of these records, as the device and as the host assemble it.
+    pub(super) fn assembled(&self, gpu: &Gpu, limits: Limits) -> Result<[Assembled; 2]> {
+        let records = self.records();
+        let rig = RigShape { camera: self.resolution, projector: self.resolution, symmetric: true };
+        let of = (self.layout.samples, self.split);
+        let assembly = Assembling::new(gpu, rig, self.channels, of, &[self.layout], limits)?;
+        let mut parts = assembly.parts()?;
+        let buffer = gpu.storage("known records", &records)?;
+        let paths = (records.len() / self.layout.stride()) as u32;
+        parts.begin(gpu, &self.layout, u64::from(paths), &buffer)?;
+        parts.prepare(gpu, &ResidentPaths { first_path: 0, paths, mark: MARK })?;
+        let submission = gpu.guarded("self-test", || {
+            let mut encoder = gpu.encoder();
+            parts.record(gpu, &mut encoder);
+            gpu.queue.submit([encoder.finish()])
+        })?;
+        parts.submitted(&submission);
+        parts.finished(gpu)?;
+        let made = assembly.finish(parts)?;
+        let summary = TraceSummary { rays: made.rays, paths: u64::from(paths), ..TraceSummary::default() };
+        let device = Assembled { summary, ..made.assembled };
+        let batch = Batch::known(self.layout, &records);
+        let host = match self.channels {
+            Channels::Luma => {
+                of_share(Share::<1>::of_batch(&batch, rig, self.split), rig, self.channels, self.split)
+            }
+            Channels::Rgb => {
+                of_share(Share::<3>::of_batch(&batch, rig, self.split), rig, self.channels, self.split)
+            }
+        };
+        Ok([device, host?])
+    }
+}
+
+/// In what the device's matrix differs from the host's by more than rounding; `None` if in nothing.
+pub(super) fn difference(device: &Assembled, host: &Assembled) -> Result<Option<String>> {
+    let near = |a: f32, b: f32| {
+        let size = f64::from(a.abs().max(b.abs()));
+        f64::from(a - b).abs() <= ROUNDINGS * 2.0_f64.powi(-24) * size + f64::from(f32::MIN_POSITIVE)
+    };
+    let all_near = |a: &[f32], b: &[f32]| a.len() == b.len() && a.iter().zip(b).all(|(&a, &b)| near(a, b));
+    let (of_device, of_host) = (device.matrix.layers()?, host.matrix.layers()?);
+    let kinds = |layers: &[Layer]| layers.iter().map(Layer::bounces).collect::<Vec<_>>();
+    if kinds(&of_device) != kinds(&of_host) {
+        return Ok(Some(format!("layers {:?} and {:?}", kinds(&of_device), kinds(&of_host))));
+    }
+    for (device, host) in of_device.iter().zip(of_host.iter()) {
+        let bounces = device.bounces();
+        let [device, host]: [CompressedRows; 2] = [device, host].map(Layer::to_rows);
+        if (&device.row_start, &device.columns) != (&host.row_start, &host.columns) {
+            return Ok(Some(format!("places of {bounces:?}")));
+        }
+        if device.weights.iter().zip(&host.weights).any(|(a, b)| !all_near(a, b)) {
+            return Ok(Some(format!("weights of {bounces:?}")));
+        }
+    }
+    let planes = |of: &Assembled| of.matrix.direct.clone();
+    if planes(device).iter().zip(&planes(host)).any(|(a, b)| !all_near(a, b)) {
+        return Ok(Some("direct light".into()));
+    }
+    if !all_near(device.ambient.samples(), host.ambient.samples()) {
+        return Ok(Some("ambient light".into()));
+    }
+    let (Some(a), Some(b)) = (&device.noise, &host.noise) else {
+        return Ok((device.noise != host.noise).then(|| "noise".into()));
+    };
+    // An error is a difference of sums, so that it is rounded by the size of the sums.
+    let size = host.matrix.frobenius_norm(super::super::Part::Full, 0) as f32;
+    let white = a.white.samples().iter().zip(b.white.samples());
+    let is_white = white.into_iter().all(|(&a, &b)| (a - b).abs() <= ROUNDINGS as f32 * f32::EPSILON * size);
+    let relative = |a: f64, b: f64| (a - b).abs() <= 1e-5 * b;
+    let is_near = relative(a.operator, b.operator)
+        && relative(a.global, b.global)
+        && relative(a.white_relative, b.white_relative);
+    Ok((!is_white || !is_near).then(|| {
+        format!(
+            "noise {:?} and {:?}",
+            (a.operator, a.global, a.white_relative),
+            (b.operator, b.global, b.white_relative)
+        )
+    }))
+}

@@ -1,0 +1,196 @@
+//! Matrices that a device assembles are compared with those of the host: software Vulkan, or any other adapter.
+
+use proptest::prelude::*;
+
+use super::self_test::{Known, difference};
+use super::*;
+use crate::image::Resolution;
+use crate::scene::{Scene, builtin};
+use crate::transport::gpu_matrix::tests::gpu;
+use crate::transport::{Part, assemble_layers};
+
+fn limits(channels: Channels) -> Limits {
+    Limits::of(&gpu(), channels.count())
+}
+
+/// The difference between the device's matrix of known records and the host's.
+fn compared(known: &Known, limits: Limits) -> Option<String> {
+    let [device, host] = known.assembled(&gpu(), limits).expect("the device has memory");
+    difference(&device, &host).expect("the device works")
+}
+
+#[test]
+fn the_self_test_passes() {
+    for channels in [Channels::Luma, Channels::Rgb] {
+        assert_eq!(compared(&Known::new(channels), limits(channels)), None);
+        assert!(self_test::require_working(&gpu(), channels).is_ok());
+    }
+}
+
+/// Whatever a faulty device might return differs: one weight, one place, the diagonal, the ambient light, or the noise.
+#[test]
+fn the_self_test_finds_faults() {
+    let known = Known::new(Channels::Luma);
+    let faults: [(&str, fn(&mut Assembled)); 5] = [
+        ("weights", |made| {
+            let mut rows = made.matrix.layers[0].to_rows();
+            rows.weights[0][7] *= 1.00001;
+            made.matrix.layers[0] = Layer::new(Bounces::Two, 133, vec![rows]);
+        }),
+        ("places", |made| {
+            let mut rows = made.matrix.layers[1].to_rows();
+            rows.columns[0] += 1;
+            made.matrix.layers[1] = Layer::new(Bounces::Rest, 133, vec![rows]);
+        }),
+        ("direct", |made| made.matrix.direct[0][3] *= 1.00001),
+        ("ambient", |made| made.ambient.samples_mut()[3] *= 1.00001),
+        ("noise", |made| {
+            if let Some(noise) = &mut made.noise {
+                noise.operator *= 1.001;
+            }
+        }),
+    ];
+    for (name, fault) in faults {
+        let [mut device, host] =
+            known.assembled(&gpu(), limits(Channels::Luma)).expect("the device has memory");
+        fault(&mut device);
+        let found = difference(&device, &host).expect("the device works");
+        assert!(found.as_ref().is_some_and(|found| found.contains(name)), "{name}: {found:?}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    /// Any records, with rows that are empty, short, or longer than workgroup memory; in small arenas and bands, and with keys apart from
+    /// their places.
+    #[test]
+    fn a_matrix_of_any_records_is_that_of_the_host(
+        seed in any::<u64>(), samples in 1_u32..90, side in 1_usize..14, max_bounces in 1_u32..9,
+        [direct, gathers, ambient, split, colour, packs] in any::<[bool; 6]>(),
+        seen in 0_u32..4, arena in 1_u64..5000, entries in 1_usize..20_000,
+    ) {
+        let channels = if colour { Channels::Rgb } else { Channels::Luma };
+        let mut known = Known::new(channels);
+        let layout = RecordLayout { samples, max_bounces, direct, gathers, ambient, ..known.layout };
+        known = Known { layout, split, resolution: Resolution::new(side, side + 2), seen, seed, ..known };
+        let limits = Limits { arena, entries, packs, ..limits(channels) };
+        prop_assert_eq!(compared(&known, limits), None);
+    }
+}
+
+fn tracer(scene: &Scene, on_device: bool) -> Tracer {
+    let mut tracer = Tracer::new(scene, None).expect("the README's test command installs a Vulkan driver");
+    tracer.assemble_on_device(on_device);
+    tracer
+}
+
+fn traced(scene: &Scene, on_device: bool, settings: &TraceSettings, of: (Channels, bool)) -> Assembled {
+    assemble_layers(&mut tracer(scene, on_device), settings, of.0, of.1).expect("the scene can be traced")
+}
+
+/// A projector beside the camera, with other pixels.
+fn apart(scene: Scene) -> Scene {
+    let mut projector = scene.camera.clone();
+    projector.position += 0.2 * projector.right;
+    Scene { projector: Some(projector), ..scene }
+}
+
+/// All kinds of rigs and of light: each matrix equals the host's up to rounding, repeats to the bit, and is symmetric to the last bit.
+#[test]
+fn a_scene_has_the_matrix_of_the_host() {
+    let mut lens = builtin::corner().to_scene();
+    lens.camera.lens.radius = 0.05;
+    lens.camera.lens.focus = 1.0;
+    let mut glowing = builtin::cornell().to_scene();
+    glowing.materials[0].emission = glam::Vec3::new(0.3, 0.2, 0.1);
+    let settings = TraceSettings::new(Resolution::new(20, 16), 24);
+    let wide = TraceSettings { projector: Some(Resolution::new(9, 31)), ..settings };
+    let many = TraceSettings { samples: 501, resolution: Resolution::new(9, 8), ..settings };
+    let (luma, rgb) = (Channels::Luma, Channels::Rgb);
+    let cases = [
+        ("colours, layers", builtin::cornell().to_scene(), settings, (rgb, true)),
+        ("luminance", builtin::zigzag().to_scene(), settings, (luma, false)),
+        ("a mirror", builtin::mirror().to_scene(), settings, (luma, true)),
+        ("a mirrored ball", builtin::mirror_ball().to_scene(), settings, (rgb, false)),
+        ("a lens", lens, settings, (luma, true)),
+        ("ambient light", glowing, settings, (rgb, false)),
+        ("a projector apart", apart(builtin::carton().to_scene()), settings, (rgb, true)),
+        ("other pixels", apart(builtin::mirror().to_scene()), wide, (luma, false)),
+        ("many samples", builtin::cornell().to_scene(), many, (luma, false)),
+        (
+            "one sample",
+            builtin::cornell().to_scene(),
+            TraceSettings { samples: 1, ..settings },
+            (luma, false),
+        ),
+        (
+            "direct light",
+            builtin::corner().to_scene(),
+            TraceSettings { max_bounces: 1, ..settings },
+            (luma, false),
+        ),
+    ];
+    for (name, scene, settings, of) in cases {
+        let host = traced(&scene, false, &settings, of);
+        let [device, again] = [(); 2].map(|()| traced(&scene, true, &settings, of));
+        assert!(!host.is_on_gpu() && device.is_on_gpu(), "{name}");
+        assert_eq!(difference(&device, &host).expect("the device works"), None, "{name}");
+        assert!(device.matrix == again.matrix && device.noise == again.noise, "{name}: the same bits again");
+        assert_eq!(device.ambient, again.ambient, "{name}");
+        let costs = |of: &Assembled| (of.summary.paths, of.summary.rays);
+        assert_eq!(costs(&device), costs(&host), "{name}");
+        products(name, &device, &host);
+    }
+}
+
+/// Products on the device, before and after the host has read the matrix, equal those of the host's matrix up to rounding.
+fn products(name: &str, device: &Assembled, host: &Assembled) {
+    let [camera, projector] = [host.matrix.rig.camera.pixels(), host.matrix.rig.projector.pixels()];
+    for channel in 0..host.matrix.channels().count() {
+        for (length, is_transposed) in [(projector, false), (camera, true)] {
+            let x: Vec<f64> = (0..length).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0).collect();
+            let result = |of: &Assembled| {
+                use crate::operator::{Adjoint, Operator};
+                let mut y = vec![0.0; camera + projector - length];
+                let mut operator = of.operator(Part::Full, channel);
+                let taken = match is_transposed {
+                    false => operator.apply(&x, &mut y),
+                    true => operator.apply_adjoint(&x, &mut y),
+                };
+                taken.expect("the device works");
+                y
+            };
+            for (found, expected) in result(device).iter().zip(result(host)) {
+                // All terms are positive, so that the sum is rounded like its terms.
+                assert!((found - expected).abs() <= 1e-6 * expected + 1e-30, "{name}: {found}, {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_matrix_of_a_coaxial_rig_is_symmetric_to_the_last_bit() {
+    let settings = TraceSettings::new(Resolution::new(13, 17), 300);
+    let made = traced(&builtin::mirror_ball().to_scene(), true, &settings, (Channels::Luma, false));
+    let csr = made.matrix.to_csr(Part::Full, 0).expect("the device works");
+    let mut entries: Vec<(usize, usize, u64)> =
+        csr.entries().map(|(row, column, weight)| (row, column, weight.to_bits())).collect();
+    let mut mirrored: Vec<_> = entries.iter().map(|&(row, column, weight)| (column, row, weight)).collect();
+    entries.sort_unstable();
+    mirrored.sort_unstable();
+    assert!(!entries.is_empty() && entries == mirrored);
+}
+
+/// Where the device cannot assemble the matrix, the host does, and says why.
+#[test]
+fn the_host_assembles_what_the_device_cannot() {
+    let mut gpu = gpu();
+    gpu.summary.double_precision = false;
+    let error = require_double_precision(&gpu).expect_err("it cannot calculate in f64").to_string();
+    assert!(error.contains("f64"), "{error}");
+    // So many samples take more parts than a buffer holds.
+    gpu.summary.max_storage_binding = 1000;
+    let known = Known::new(Channels::Luma);
+    let refused = known.assembled(&gpu, Limits::of(&gpu, 1)).map(drop);
+    assert!(matches!(refused, Err(Error::Device { .. })), "{refused:?}");
+}
