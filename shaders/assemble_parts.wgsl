@@ -25,7 +25,8 @@ override CHANNELS: u32 = 3u;
 @group(0) @binding(7) var<storage, read_write> heads: array<f64>;
 
 var<workgroup> values: array<f32, SORTED * CHANNELS>;
-var<workgroup> sums: array<f64, LANES>;
+var<workgroup> sums: array<f64, LANES * 2u * CHANNELS>;
+var<workgroup> costs: array<u32, LANES>;
 var<workgroup> first_term: u32;
 
 // Connections in the record of a path from the surfaces that it met, and gathered ones.
@@ -176,38 +177,28 @@ fn sum_parts(
         atomicAdd(&counts[assembly.other_base + (key >> assembly.class_bits)], 1u);
         term += 1u;
     }
-    rays = sum_of_lanes(lane, rays);
-    unfinished = sum_of_lanes(lane, unfinished);
-    if (lane == 0u) {
-        parts[part] = vec4u(first_term, terms, rays, unfinished);
+    // Rays and unfinished paths of a part share a word: a path counts up to 255 rays, and a part has up to 512 paths.
+    costs[lane] = (unfinished << 20u) | rays;
+    for (var channel = 0u; channel < CHANNELS; channel += 1u) {
+        sums[2u * channel * LANES + lane] = direct[channel];
+        sums[(2u * channel + 1u) * LANES + lane] = ambient[channel];
     }
-    if (assembly.direct == 1u || assembly.ambient == 1u) {
-        for (var channel = 0u; channel < CHANNELS; channel += 1u) {
-            let at = 2u * (part * CHANNELS + channel);
-            sum_over_lanes(lane, direct[channel], at);
-            sum_over_lanes(lane, ambient[channel], at + 1u);
-        }
-    }
-}
-
-fn sum_of_lanes(lane: u32, own: u32) -> u32 {
-    scan_lanes(lane, own);
-    let all = partial[LANES - 1u];
-    workgroupBarrier();
-    return all;
-}
-
-// Writes the sum over all lanes to a place of `heads`.
-fn sum_over_lanes(lane: u32, own: f64, to: u32) {
-    sums[lane] = own;
     for (var others = LANES / 2u; others > 0u; others /= 2u) {
         workgroupBarrier();
         if (lane < others) {
-            sums[lane] += sums[lane + others];
+            costs[lane] += costs[lane + others];
+            if (assembly.direct == 1u || assembly.ambient == 1u) {
+                for (var which = 0u; which < 2u * CHANNELS; which += 1u) {
+                    sums[which * LANES + lane] += sums[which * LANES + lane + others];
+                }
+            }
         }
     }
-    if (lane == 0u) {
-        heads[to] = sums[0];
-    }
     workgroupBarrier();
+    if (lane == 0u) {
+        parts[part] = vec4u(first_term, terms, costs[0] & 0xfffffu, costs[0] >> 20u);
+    }
+    if ((assembly.direct == 1u || assembly.ambient == 1u) && lane < 2u * CHANNELS) {
+        heads[2u * part * CHANNELS + lane] = sums[lane * LANES];
+    }
 }

@@ -12,19 +12,22 @@ const PLACE_BITS = 10u;
 override CHANNELS: u32 = 3u;
 override LONG: bool = false;
 
-@group(0) @binding(1) var<storage, read_write> row_keys: array<u32>;
-@group(0) @binding(2) var<storage, read_write> row_values: array<f32>;
-@group(0) @binding(3) var<storage, read> starts: array<u32>;
-@group(0) @binding(4) var<storage, read> estimates: array<f64>;
-@group(0) @binding(5) var<storage, read_write> entry_columns: array<u32>;
-@group(0) @binding(6) var<storage, read_write> entry_values: array<f32>;
+// For each term of a row: its key, and the bits of its values.
+@group(0) @binding(1) var<storage, read_write> row_terms: array<u32>;
+@group(0) @binding(2) var<storage, read> starts: array<u32>;
+@group(0) @binding(3) var<storage, read> estimates: array<f64>;
+@group(0) @binding(4) var<storage, read_write> entry_columns: array<u32>;
+@group(0) @binding(5) var<storage, read_write> entry_values: array<f32>;
 // The number of entries of each class in each row.
-@group(0) @binding(7) var<storage, read_write> classes: array<u32>;
+@group(0) @binding(6) var<storage, read_write> classes: array<u32>;
 // For each row: the sums over its entries of mean and error in each channel, and of the squares of both, with and
 // without light of one bounce.
-@group(0) @binding(8) var<storage, read_write> sums: array<f64>;
+@group(0) @binding(7) var<storage, read_write> sums: array<f64>;
 
-var<workgroup> added: array<f64, LANES>;
+// Numbers that are added over the lanes at a time: those of one channel.
+const TOGETHER = 6u;
+
+var<workgroup> added: array<f64, LANES * TOGETHER>;
 var<workgroup> has_diagonal: atomic<u32>;
 
 struct Sum {
@@ -34,7 +37,7 @@ struct Sum {
 
 fn key_at(row_start: u32, at: u32) -> u32 {
     if (LONG) {
-        return row_keys[row_start + at];
+        return row_terms[(row_start + at) * (1u + CHANNELS)];
     }
     return sorted_key(at);
 }
@@ -67,7 +70,8 @@ fn sum_from(row_start: u32, first: u32, count: u32) -> Sum {
         let half = u32(number >= assembly.first_halves[projector]);
         let error = weight(assembly.error_high, assembly.error_low, 2u * projector + half);
         for (var channel = 0u; channel < CHANNELS; channel += 1u) {
-            let value = f64(row_values[(row_start + place_at(at)) * CHANNELS + channel]);
+            let place = (row_start + place_at(at)) * (1u + CHANNELS);
+            let value = f64(bitcast<f32>(row_terms[place + 1u + channel]));
             sum.mean[channel] += value * mean;
             sum.error[channel] += value * error;
         }
@@ -76,13 +80,10 @@ fn sum_from(row_start: u32, first: u32, count: u32) -> Sum {
 }
 
 fn exchange_global(a: u32, b: u32) {
-    let key = row_keys[a];
-    row_keys[a] = row_keys[b];
-    row_keys[b] = key;
-    for (var channel = 0u; channel < CHANNELS; channel += 1u) {
-        let value = row_values[a * CHANNELS + channel];
-        row_values[a * CHANNELS + channel] = row_values[b * CHANNELS + channel];
-        row_values[b * CHANNELS + channel] = value;
+    for (var word = 0u; word <= CHANNELS; word += 1u) {
+        let value = row_terms[a * (1u + CHANNELS) + word];
+        row_terms[a * (1u + CHANNELS) + word] = row_terms[b * (1u + CHANNELS) + word];
+        row_terms[b * (1u + CHANNELS) + word] = value;
     }
 }
 
@@ -99,7 +100,7 @@ fn sort_global(row_start: u32, lane: u32, count: u32) {
                 let a = ((pair & ~(apart - 1u)) << 1u) | low;
                 // All merges ascend: the first step of a merge compares with the mirror image in the other half.
                 let b = select(a + apart, (a - low) + 2u * apart - 1u - low, apart == run / 2u);
-                if (b < count && row_keys[row_start + a] > row_keys[row_start + b]) {
+                if (b < count && key_at(row_start, a) > key_at(row_start, b)) {
                     exchange_global(row_start + a, row_start + b);
                 }
             }
@@ -129,7 +130,7 @@ fn merge_rows(
         sort_global(row_start, lane, count);
     } else {
         for (var at = lane; at < count; at += LANES) {
-            put(at, row_keys[row_start + at], at);
+            put(at, row_terms[(row_start + at) * (1u + CHANNELS)], at);
         }
         sort(lane, count);
     }
@@ -182,7 +183,13 @@ fn merge_rows(
             if (column == row) {
                 atomicStore(&has_diagonal, 1u);
             }
-            square_column(row, row_start, at, count, &squares);
+            // Where there is one class, the column has this entry alone.
+            var whole = sum;
+            var others = sum;
+            if (assembly.class_bits > 0u) {
+                others = others_of_column(row_start, at, count, &whole);
+            }
+            square_column(row, column, whole, others, &squares);
         }
     }
     workgroupBarrier();
@@ -197,28 +204,23 @@ fn merge_rows(
             }
         }
     }
-    let of_row = row * (2u * CHANNELS + 4u);
+    // In the order of `sums`.
+    var all = array<f64, 10>();
     for (var channel = 0u; channel < CHANNELS; channel += 1u) {
-        add_lanes(lane, row_mean[channel], of_row + 2u * channel);
-        add_lanes(lane, row_error[channel], of_row + 2u * channel + 1u);
+        all[2u * channel] = row_mean[channel];
+        all[2u * channel + 1u] = row_error[channel];
     }
     for (var which = 0u; which < 4u; which += 1u) {
-        add_lanes(lane, squares[which], of_row + 2u * CHANNELS + which);
+        all[2u * CHANNELS + which] = squares[which];
     }
+    add_lanes(lane, &all, row * (2u * CHANNELS + 4u));
 }
 
-// Adds the squares of mean and error of the column that begins at `first`: for all its light, and for that of two and more
-// bounces.
-fn square_column(row: u32, row_start: u32, first: u32, count: u32, squares: ptr<function, array<f64, 4>>) {
+// The sum of a column's light of two and more bounces, from its first term on; `whole` becomes the sum of all its light.
+fn others_of_column(row_start: u32, first: u32, count: u32, whole: ptr<function, Sum>) -> Sum {
     let column = position_at(row_start, first) >> assembly.class_bits;
-    var whole = Sum();
     var others = Sum();
-    if (column == row && assembly.direct == 1u) {
-        for (var channel = 0u; channel < CHANNELS; channel += 1u) {
-            whole.mean[channel] = estimates[2u * (row * CHANNELS + channel)];
-            whole.error[channel] = estimates[2u * (row * CHANNELS + channel) + 1u];
-        }
-    }
+    *whole = Sum();
     var last = NOTHING;
     for (var at = first; at < count; at += 1u) {
         let position = position_at(row_start, at);
@@ -232,33 +234,53 @@ fn square_column(row: u32, row_start: u32, first: u32, count: u32, squares: ptr<
         let sum = sum_from(row_start, at, count);
         let is_direct = (position & ((1u << assembly.class_bits) - 1u)) + assembly.lowest_class == 0u;
         for (var channel = 0u; channel < CHANNELS; channel += 1u) {
-            whole.mean[channel] += sum.mean[channel];
-            whole.error[channel] += sum.error[channel];
+            (*whole).mean[channel] += sum.mean[channel];
+            (*whole).error[channel] += sum.error[channel];
             if (!is_direct) {
                 others.mean[channel] += sum.mean[channel];
                 others.error[channel] += sum.error[channel];
             }
         }
     }
+    return others;
+}
+
+// Adds the squares of mean and error of a column: for all its light, with the diagonal, and for that of two and more bounces.
+fn square_column(row: u32, column: u32, whole: Sum, others: Sum, squares: ptr<function, array<f64, 4>>) {
     for (var channel = 0u; channel < CHANNELS; channel += 1u) {
-        (*squares)[0] += whole.mean[channel] * whole.mean[channel];
-        (*squares)[1] += whole.error[channel] * whole.error[channel];
+        var mean = whole.mean[channel];
+        var error = whole.error[channel];
+        if (column == row && assembly.direct == 1u) {
+            mean += estimates[2u * (row * CHANNELS + channel)];
+            error += estimates[2u * (row * CHANNELS + channel) + 1u];
+        }
+        (*squares)[0] += mean * mean;
+        (*squares)[1] += error * error;
         (*squares)[2] += others.mean[channel] * others.mean[channel];
         (*squares)[3] += others.error[channel] * others.error[channel];
     }
 }
 
-// Writes the sum over all lanes to a place of `sums`.
-fn add_lanes(lane: u32, own: f64, to: u32) {
-    added[lane] = own;
-    for (var others = LANES / 2u; others > 0u; others /= 2u) {
-        workgroupBarrier();
-        if (lane < others) {
-            added[lane] += added[lane + others];
+// Writes the sums over all lanes of the first `4 + 2 CHANNELS` numbers, some of them at a time.
+fn add_lanes(lane: u32, own: ptr<function, array<f64, 10>>, to: u32) {
+    let all = 4u + 2u * CHANNELS;
+    for (var first = 0u; first < all; first += TOGETHER) {
+        let count = min(TOGETHER, all - first);
+        for (var which = 0u; which < count; which += 1u) {
+            added[which * LANES + lane] = (*own)[first + which];
         }
+        for (var others = LANES / 2u; others > 0u; others /= 2u) {
+            workgroupBarrier();
+            if (lane < others) {
+                for (var which = 0u; which < count; which += 1u) {
+                    added[which * LANES + lane] += added[which * LANES + lane + others];
+                }
+            }
+        }
+        workgroupBarrier();
+        if (lane < count) {
+            sums[to + first + lane] = added[lane * LANES];
+        }
+        workgroupBarrier();
     }
-    if (lane == 0u) {
-        sums[to] = added[0];
-    }
-    workgroupBarrier();
 }

@@ -13,8 +13,8 @@ override CHANNELS: u32 = 3u;
 @group(0) @binding(4) var<storage, read> starts: array<u32>;
 // The number of terms that each row has received.
 @group(0) @binding(5) var<storage, read_write> cursors: array<atomic<u32>>;
-@group(0) @binding(6) var<storage, read_write> row_keys: array<u32>;
-@group(0) @binding(7) var<storage, read_write> row_values: array<f32>;
+// For each term of a row: its key, and the bits of its values.
+@group(0) @binding(6) var<storage, read_write> row_terms: array<u32>;
 
 var<workgroup> own_place: array<u32, PARTS_OF_GROUP>;
 
@@ -23,9 +23,10 @@ fn is_here(row: u32) -> bool {
 }
 
 fn write(to: u32, source: u32, column: u32, class_number: u32, tie: u32) {
-    row_keys[to] = (((column << assembly.class_bits) | class_number) << (assembly.part_bits + 1u)) | tie;
+    let place = to * (1u + CHANNELS);
+    row_terms[place] = (((column << assembly.class_bits) | class_number) << (assembly.part_bits + 1u)) | tie;
     for (var channel = 0u; channel < CHANNELS; channel += 1u) {
-        row_values[to * CHANNELS + channel] = term_values[source * CHANNELS + channel];
+        row_terms[place + 1u + channel] = bitcast<u32>(term_values[source * CHANNELS + channel]);
     }
 }
 

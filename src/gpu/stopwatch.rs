@@ -37,6 +37,11 @@ impl Gpu {
         Ok(())
     }
 
+    /// Whether passes are timed.
+    pub(crate) fn is_timed(&self) -> bool {
+        self.stopwatch().is_some()
+    }
+
     fn stopwatch(&self) -> std::sync::MutexGuard<'_, Option<Running>> {
         self.kept.stopwatch.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -12,7 +12,7 @@
 //! matrix stays on the device, which then computes the products ([`Backend`]). The difference between two independent halves of the samples
 //! gives the standard error of `Â` ([`Noise`]).
 //!
-//! Several machines can trace one matrix, with the same bits as a single machine. They either trace [`Shard`]s that are joined later, or
+//! Several machines can trace one matrix, with the same bits as the processor of a single machine. They either trace [`Shard`]s that are joined later, or
 //! form a team of processes that each hold a part of the matrix ([`share_scene`]).
 
 mod assembled;

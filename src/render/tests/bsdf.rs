@@ -289,8 +289,24 @@ fn work(index: u32) -> vec4f {
 }
 ";
 
+const QUOTIENTS: &str = "
+fn work(index: u32) -> vec4f {
+    let value = random4(index, 0u, 0u, 1u).xy + 0.001;
+    return vec4f(value, value.x / value.y, sqrt(value.x));
+}
+";
+
+/// The factor by which two ways to the same number may differ more than with correct rounding. Vulkan promises only 2.5 units in the last
+/// place for a quotient and 3 for a root, instead of a half, and lets a device contract products and sums.
+fn slack(gpu: &Gpu) -> f32 {
+    let found = run(gpu, &format!("#import rng\n{QUOTIENTS}"), &[], &[[0.0; 4]], 1 << 12);
+    let is_exact = |&[x, y, quotient, root]: &[f32; 4]| quotient == x / y && root == x.sqrt();
+    if found.iter().all(is_exact) { 1.0 } else { 16.0 }
+}
+
 #[test]
 fn bsdfs_are_reciprocal() {
+    let slack = slack(&gpu());
     let source = format!("#import rng\n#import bsdf\n{READ_BSDF}{RANDOM_BSDF}{REVERSED}{SYMMETRY}");
     let pairs = run(&gpu(), &source, &[], &[[0.0; 4]], 1 << 20);
     for (class, name) in
@@ -307,9 +323,17 @@ fn bsdfs_are_reciprocal() {
             class.len()
         );
         assert!(lit > class.len() / 5, "{name}: only {lit} of {} pairs carry light", class.len());
-        assert!(worst(0) <= 16.0 * f32::EPSILON, "{name}: worst relative difference {:.2e}", worst(0));
+        assert!(
+            worst(0) <= slack * 16.0 * f32::EPSILON,
+            "{name}: worst relative difference {:.2e}",
+            worst(0)
+        );
         // One formula is inlined in two places. All differences are rounding errors of some thirty operations.
-        assert!(worst(1) <= 64.0 * f32::EPSILON, "{name}: worst difference of density {:.2e}", worst(1));
+        assert!(
+            worst(1) <= slack * 64.0 * f32::EPSILON,
+            "{name}: worst difference of density {:.2e}",
+            worst(1)
+        );
     }
 }
 
@@ -345,6 +369,7 @@ fn work(index: u32) -> vec4f {
 
 #[test]
 fn deltas_are_reciprocal_and_as_probable_on_the_way_back() {
+    let slack = slack(&gpu());
     let source = format!("#import rng\n#import bsdf\n{READ_BSDF}{RANDOM_BSDF}{REVERSED}{DELTA_SYMMETRY}");
     let samples = run(&gpu(), &source, &[], &[[0.0; 4]], 1 << 18);
     for (kind, name) in [(1.0, "reflected"), (2.0, "refracted"), (3.0, "passed")] {
@@ -358,7 +383,7 @@ fn deltas_are_reciprocal_and_as_probable_on_the_way_back() {
             worst(1)
         );
         assert!(samples.len() > 10_000, "{name}: only {} samples", samples.len());
-        assert!(worst(0) <= 16.0 * f32::EPSILON, "{name}: values differ by {:.2e}", worst(0));
-        assert!(worst(1) <= 16.0 * f32::EPSILON, "{name}: probabilities differ by {:.2e}", worst(1));
+        assert!(worst(0) <= slack * 16.0 * f32::EPSILON, "{name}: values differ by {:.2e}", worst(0));
+        assert!(worst(1) <= slack * 16.0 * f32::EPSILON, "{name}: probabilities differ by {:.2e}", worst(1));
     }
 }

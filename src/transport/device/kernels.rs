@@ -77,6 +77,8 @@ pub(super) fn split(value: f64) -> [f32; 2] {
 
 #[derive(Clone)]
 pub(super) struct Kernel {
+    /// The entry point.
+    name: &'static str,
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
 }
@@ -126,12 +128,15 @@ impl Kernels {
     fn new(gpu: &Gpu, channels: usize, packing: Packing) -> Result<Self> {
         let channels = ("CHANNELS", channels as f64);
         let flag = |name, set: bool| (name, f64::from(u8::from(set)));
-        let one = |name: &str, entry_point, constants: &[(&str, f64)], buffers: &[wgpu::BindingType]| {
+        let one = |name: &str,
+                   entry_point: &'static str,
+                   constants: &[(&str, f64)],
+                   buffers: &[wgpu::BindingType]| {
             Kernel::all(gpu, name, [entry_point], constants, buffers).map(|[kernel]| kernel)
         };
         let rows = |is_long: bool| {
             let constants = [channels, flag("PACKED", packing.of_row), flag("LONG", is_long)];
-            let buffers = [WRITE, WRITE, READ, READ, WRITE, WRITE, WRITE, WRITE];
+            let buffers = [WRITE, READ, READ, WRITE, WRITE, WRITE, WRITE];
             one("assemble_rows", "merge_rows", &constants, &buffers)
         };
         let of_part = [channels, flag("PACKED", packing.of_part)];
@@ -159,7 +164,7 @@ impl Kernels {
                 "assemble_scatter",
                 "scatter",
                 &[channels],
-                &[READ, READ, READ, READ, WRITE, WRITE, WRITE],
+                &[READ, READ, READ, READ, WRITE, WRITE],
             )?,
             rows: [rows(false)?, rows(true)?],
             sums: one("assemble_sums", "sum_rows", &[channels], &[READ, WRITE, WRITE])?,
@@ -174,7 +179,7 @@ impl Kernel {
     fn all<const N: usize>(
         gpu: &Gpu,
         name: &str,
-        entry_points: [&str; N],
+        entry_points: [&'static str; N],
         constants: &[(&str, f64)],
         buffers: &[wgpu::BindingType],
     ) -> Result<[Self; N]> {
@@ -183,8 +188,12 @@ impl Kernel {
         gpu.guarded(name, || {
             let layout = gpu.layout(name, &bindings);
             let source = wgpu::ShaderSource::Naga(Cow::Owned(module));
-            gpu.pipelines(name, source, &[&layout], entry_points)
-                .map(|pipeline| Self { pipeline, layout: layout.clone() })
+            let pipelines = gpu.pipelines(name, source, &[&layout], entry_points).into_iter();
+            let mut kernels = entry_points.into_iter().zip(pipelines);
+            std::array::from_fn(|_| {
+                let (name, pipeline) = kernels.next().expect("each entry point has a pipeline");
+                Self { name, pipeline, layout: layout.clone() }
+            })
         })
     }
 
@@ -203,11 +212,12 @@ impl Kernel {
             let buffers = std::iter::once(&uniform).chain(buffers.iter().copied());
             gpu.bind("assembly", &self.layout, buffers.map(wgpu::Buffer::as_entire_binding))
         })?;
-        Ok(Step { pipeline: self.pipeline.clone(), group, uniform, groups: grid(groups) })
+        Ok(Step { name: self.name, pipeline: self.pipeline.clone(), group, uniform, groups: grid(groups) })
     }
 }
 
 pub(super) struct Step {
+    name: &'static str,
     pipeline: wgpu::ComputePipeline,
     group: wgpu::BindGroup,
     uniform: wgpu::Buffer,
@@ -227,13 +237,20 @@ impl Step {
         steps: impl IntoIterator<Item = &'a Self>,
         encoder: &mut wgpu::CommandEncoder,
     ) {
-        let mut pass = gpu.pass(encoder, "assembly");
-        for Self { pipeline, group, groups: [across, down], .. } in steps {
+        let dispatch = |pass: &mut wgpu::ComputePass<'_>, step: &Self| {
+            let Self { pipeline, group, groups: [across, down], .. } = step;
             if *across > 0 {
                 pass.set_pipeline(pipeline);
                 pass.set_bind_group(0, group, &[]);
                 pass.dispatch_workgroups(*across, *down, 1);
             }
+        };
+        // If passes are timed, each step is a pass of its own.
+        if gpu.is_timed() {
+            steps.into_iter().for_each(|step| dispatch(&mut gpu.pass(encoder, step.name), step));
+        } else {
+            let mut pass = gpu.pass(encoder, "assembly");
+            steps.into_iter().for_each(|step| dispatch(&mut pass, step));
         }
     }
 

@@ -53,7 +53,7 @@ impl Limits {
     const ENTRIES: u64 = 1 << 27;
 
     fn of(gpu: &Gpu, channels: usize) -> Self {
-        let room = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer) / (4 * channels as u64);
+        let room = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer) / (4 * (1 + channels as u64));
         let entries = usize::try_from(Self::ENTRIES.min(room)).unwrap_or(usize::MAX);
         Self { arena: Self::ARENA.min(room), entries, packs: true }
     }

@@ -40,8 +40,7 @@ pub(super) struct Rows<'a> {
 
 /// The buffers of a band while it is made. The next band uses them again.
 struct Scratch {
-    row_keys: wgpu::Buffer,
-    row_values: wgpu::Buffer,
+    row_terms: wgpu::Buffer,
     entry_columns: wgpu::Buffer,
     entry_values: wgpu::Buffer,
     cursors: wgpu::Buffer,
@@ -90,8 +89,7 @@ impl Rows<'_> {
         let most_rows = bands.iter().map(ExactSizeIterator::len).max().unwrap_or(0) as u64;
         let values = most * self.channels as u64;
         let scratch = Scratch {
-            row_keys: self.words("keys of rows", most)?,
-            row_values: self.words("values of rows", values)?,
+            row_terms: self.words("terms of rows", most + values)?,
             entry_columns: self.words("columns of entries", most)?,
             entry_values: self.words("values of entries", values)?,
             cursors: self.words("terms that have arrived", most_rows)?,
@@ -166,9 +164,8 @@ impl Rows<'_> {
                     flags: *flags,
                     ..of_band
                 };
-                let Scratch { row_keys, row_values, cursors, .. } = scratch;
-                let buffers =
-                    [&arena.keys, &arena.values, &endpoint.parts, starts, cursors, row_keys, row_values];
+                let Scratch { row_terms, cursors, .. } = scratch;
+                let buffers = [&arena.keys, &arena.values, &endpoint.parts, starts, cursors, row_terms];
                 steps.push(self.kernels.scatter.step(
                     gpu,
                     &parameters,
@@ -177,13 +174,12 @@ impl Rows<'_> {
                 )?);
             }
         }
-        let Scratch { row_keys, row_values, entry_columns, entry_values, classes, .. } = scratch;
+        let Scratch { row_terms, entry_columns, entry_values, classes, .. } = scratch;
         let of_rows = Assembly {
             flags: self.sources.iter().fold(0, |all, (_, flags)| all | flags & SYMMETRIC),
             ..of_band
         };
-        let buffers =
-            [row_keys, row_values, starts, self.estimates, entry_columns, entry_values, classes, self.sums];
+        let buffers = [row_terms, starts, self.estimates, entry_columns, entry_values, classes, self.sums];
         for kernel in &self.kernels.rows[..1 + usize::from(has_long_rows)] {
             steps.push(kernel.step(gpu, &of_rows, &buffers, count)?);
         }

@@ -51,6 +51,8 @@ impl Crew {
 
 fn tracer(scene: &Scene, crew: Option<&Crew>) -> Result<Tracer> {
     let mut tracer = Tracer::new(scene, None)?;
+    // A device rounds its sums in another way than the processors of a team.
+    tracer.assemble_on_device(false);
     crew.map_or(Ok(()), |crew| share_scene(&mut tracer, scene, None, &crew.team))?;
     Ok(tracer)
 }
