@@ -5,6 +5,7 @@
 #[path = "arguments/spread.rs"]
 mod spread;
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use krylux::image::Resolution;
@@ -82,12 +83,14 @@ fn row(adapter: &AdapterSummary, name: &str, scene: &Scene, side: usize) -> Outc
         host.push(1e3 * start.elapsed().as_secs_f64());
         drop(untimed);
         let (traced, times) = tracer.timed(made)?;
-        let of = |what: &str| {
-            let sum: Duration = times.iter().filter(|(of, _)| *of == what).map(|(_, time)| *time).sum();
-            1e3 * sum.as_secs_f64()
-        };
-        tracing.push(of("tracing"));
-        assembly.push(of("assembly"));
+        let mut sum = BTreeMap::<&str, f64>::new();
+        times.iter().for_each(|(name, time)| *sum.entry(name).or_default() += 1e3 * time.as_secs_f64());
+        if std::env::args().any(|argument| argument == "--kernels") {
+            println!("{name} {side}²: {sum:.3?}");
+        }
+        let traced_in = sum.remove("tracing").unwrap_or(0.0);
+        tracing.push(traced_in);
+        assembly.push(sum.values().sum());
         last = Some(traced);
     }
     let mut traced = last.ok_or("no turn")?;

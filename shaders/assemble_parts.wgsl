@@ -67,7 +67,8 @@ fn class_of(bounces: u32) -> u32 {
 
 // The number of surfaces in a finished path's record; an unfinished one has no contributions.
 fn surfaces_of(head: vec4u) -> u32 {
-    return select(0u, head.x & 0xffu, (head.x >> 16u) == (assembly.mark >> 16u));
+    let surfaces = min(head.x & 0xffu, assembly.max_bounces);
+    return select(0u, surfaces, (head.x >> 16u) == (assembly.mark >> 16u));
 }
 
 @compute @workgroup_size(64)

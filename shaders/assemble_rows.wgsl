@@ -87,19 +87,16 @@ fn exchange_global(a: u32, b: u32) {
     }
 }
 
-// Sorts a row in place, by the network of `sort` for any number of terms: an element beyond the end counts as the largest.
+// Sorts a row in place, by the network of `sort`.
 fn sort_global(row_start: u32, lane: u32, count: u32) {
-    var size = 1u;
-    while (size < count) {
-        size *= 2u;
-    }
-    for (var run = 2u; run <= size; run *= 2u) {
+    for (var run = 2u; run < 2u * count; run *= 2u) {
         for (var apart = run / 2u; apart > 0u; apart /= 2u) {
-            for (var pair = lane; pair < size / 2u; pair += LANES) {
+            let rest = count % (2u * apart);
+            let pairs = (count - rest) / 2u + min(rest, apart);
+            for (var pair = lane; pair < pairs; pair += LANES) {
                 let low = pair & (apart - 1u);
-                let a = ((pair & ~(apart - 1u)) << 1u) | low;
-                // All merges ascend: the first step of a merge compares with the mirror image in the other half.
-                let b = select(a + apart, (a - low) + 2u * apart - 1u - low, apart == run / 2u);
+                let a = (pair - low) * 2u + low;
+                let b = select(a + apart, a + 2u * (apart - low) - 1u, 2u * apart == run);
                 if (b < count && key_at(row_start, a) > key_at(row_start, b)) {
                     exchange_global(row_start + a, row_start + b);
                 }
@@ -132,6 +129,7 @@ fn merge_rows(
         for (var at = lane; at < count; at += LANES) {
             put(at, row_terms[(row_start + at) * (1u + CHANNELS)], at);
         }
+        workgroupBarrier();
         sort(lane, count);
     }
     if (lane == 0u) {

@@ -30,42 +30,38 @@ fn sorted_place(at: u32) -> u32 {
     return places[at];
 }
 
-// Sorts the first `count` elements. All lanes call it, after a barrier.
+// Sorts the first `count` elements. All lanes call it, after a barrier. All merges ascend: the first step of a merge compares
+// an element with its mirror image in the other half, so that elements beyond the end would never move.
 fn sort(lane: u32, count: u32) {
-    var size = 1u;
-    while (size < count) {
-        size *= 2u;
-    }
-    for (var at = count + lane; at < size; at += LANES) {
-        keys[at] = 0xffffffffu;
-        if (!PACKED) {
-            places[at] = 0xffffffffu;
-        }
-    }
-    workgroupBarrier();
-    for (var run = 2u; run <= size; run *= 2u) {
+    for (var run = 2u; run < 2u * count; run *= 2u) {
         for (var apart = run / 2u; apart > 0u; apart /= 2u) {
-            for (var pair = lane; pair < size / 2u; pair += LANES) {
-                let a = ((pair & ~(apart - 1u)) << 1u) | (pair & (apart - 1u));
-                order(a, a + apart, (a & run) == 0u);
+            let rest = count % (2u * apart);
+            let pairs = (count - rest) / 2u + min(rest, apart);
+            for (var pair = lane; pair < pairs; pair += LANES) {
+                let low = pair & (apart - 1u);
+                let a = (pair - low) * 2u + low;
+                let b = select(a + apart, a + 2u * (apart - low) - 1u, 2u * apart == run);
+                if (b < count) {
+                    order(a, b);
+                }
             }
             workgroupBarrier();
         }
     }
 }
 
-fn order(a: u32, b: u32, ascends: bool) {
+fn order(a: u32, b: u32) {
     let x = keys[a];
     let y = keys[b];
     if (PACKED) {
-        if ((x > y) == ascends) {
+        if (x > y) {
             keys[a] = y;
             keys[b] = x;
         }
     } else {
         let of_x = places[a];
         let of_y = places[b];
-        if ((x > y || (x == y && of_x > of_y)) == ascends) {
+        if (x > y || (x == y && of_x > of_y)) {
             keys[a] = y;
             keys[b] = x;
             places[a] = of_y;

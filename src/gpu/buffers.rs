@@ -41,13 +41,21 @@ impl Gpu {
 
     pub(crate) fn buffer(&self, label: &str, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buffer> {
         self.check_size(label, bytes)?;
-        self.guarded(&format!("{label} ({:.1} MiB)", bytes as f64 / 1048576.0), || {
-            self.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size: bytes,
-                usage,
-                mapped_at_creation: false,
+        let make = || {
+            self.guarded(&format!("{label} ({:.1} MiB)", bytes as f64 / 1048576.0), || {
+                self.device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some(label),
+                    size: bytes,
+                    usage,
+                    mapped_at_creation: false,
+                })
             })
+        };
+        make().or_else(|_| {
+            // Buffers that wait to be used again may occupy the memory.
+            self.kept.waiting.clear();
+            self.wait(None)?;
+            make()
         })
     }
 

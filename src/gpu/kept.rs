@@ -10,6 +10,7 @@ use wgpu::BufferUsages;
 
 use super::Gpu;
 use super::buffers::Results;
+use super::lent::Waiting;
 use super::stopwatch::Stopwatch;
 use crate::error::Result;
 
@@ -19,6 +20,7 @@ pub(crate) struct Kept {
     /// Things by type and name.
     things: Mutex<HashMap<(TypeId, String), Box<dyn Any + Send + Sync>>>,
     pub(super) stopwatch: Stopwatch,
+    pub(super) waiting: Waiting,
 }
 
 /// The size in bytes of the pieces in which large buffers are read. The device transfers a piece while the host copies the one before.

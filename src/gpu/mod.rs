@@ -5,12 +5,14 @@ pub(crate) mod buffers;
 pub(crate) mod device;
 mod fold;
 mod kept;
+mod lent;
 pub(crate) mod pipeline;
 pub mod shader;
 mod stopwatch;
 
 pub use device::AdapterSummary;
 pub(crate) use device::Gpu;
+pub(crate) use lent::Lent;
 
 /// Assertions for tests that shaders and host agree on the layouts of structures and on constants.
 #[cfg(test)]

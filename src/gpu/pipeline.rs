@@ -68,19 +68,49 @@ impl Gpu {
         layouts: &[&wgpu::BindGroupLayout],
         entry_points: [&str; N],
     ) -> [wgpu::ComputePipeline; N] {
-        let device = &self.device;
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source });
+        let description = wgpu::ShaderModuleDescriptor { label: Some(label), source };
+        let module = self.device.create_shader_module(description);
+        self.pipelines_of(label, &module, layouts, entry_points)
+    }
+
+    /// Works like [`Gpu::pipelines`], without the checks that each index is in bounds and that each loop ends, which take half the time of
+    /// short loops over workgroup memory.
+    ///
+    /// # Safety
+    /// Whatever the buffers contain, the shader must not read or write out of their bounds, and its loops must end.
+    #[allow(unsafe_code, reason = "wgpu cannot know that indices are in bounds")]
+    pub(crate) unsafe fn unchecked_pipelines<const N: usize>(
+        &self,
+        label: &str,
+        source: wgpu::ShaderSource<'_>,
+        layouts: &[&wgpu::BindGroupLayout],
+        entry_points: [&str; N],
+    ) -> [wgpu::ComputePipeline; N] {
+        let description = wgpu::ShaderModuleDescriptor { label: Some(label), source };
+        let checks = wgpu::ShaderRuntimeChecks::unchecked();
+        // SAFETY: the caller guarantees what the checks would.
+        let module = unsafe { self.device.create_shader_module_trusted(description, checks) };
+        self.pipelines_of(label, &module, layouts, entry_points)
+    }
+
+    fn pipelines_of<const N: usize>(
+        &self,
+        label: &str,
+        module: &wgpu::ShaderModule,
+        layouts: &[&wgpu::BindGroupLayout],
+        entry_points: [&str; N],
+    ) -> [wgpu::ComputePipeline; N] {
         let layouts: Vec<_> = layouts.iter().copied().map(Some).collect();
-        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(label),
             bind_group_layouts: &layouts,
             immediate_size: 0,
         });
         entry_points.map(|entry_point| {
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(entry_point),
                 layout: Some(&layout),
-                module: &module,
+                module,
                 entry_point: Some(entry_point),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
                 cache: self.pipeline_cache(),

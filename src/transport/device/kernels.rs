@@ -188,7 +188,10 @@ impl Kernel {
         gpu.guarded(name, || {
             let layout = gpu.layout(name, &bindings);
             let source = wgpu::ShaderSource::Naga(Cow::Owned(module));
-            let pipelines = gpu.pipelines(name, source, &[&layout], entry_points).into_iter();
+            // SAFETY: indices follow from counts that the kernels themselves have made: of contributions, terms and entries. Buffers have
+            // room for the largest possible counts, and loops count up to them.
+            #[allow(unsafe_code, reason = "the checks would double the time of assembly")]
+            let pipelines = unsafe { gpu.unchecked_pipelines(name, source, &[&layout], entry_points) };
             let mut kernels = entry_points.into_iter().zip(pipelines);
             std::array::from_fn(|_| {
                 let (name, pipeline) = kernels.next().expect("each entry point has a pipeline");

@@ -50,7 +50,7 @@ impl Limits {
     /// The maximum number of terms of an arena: half a gigabyte in one channel.
     const ARENA: u64 = 1 << 26;
     /// The maximum number of terms of a band.
-    const ENTRIES: u64 = 1 << 27;
+    const ENTRIES: u64 = 1 << 26;
 
     fn of(gpu: &Gpu, channels: usize) -> Self {
         let room = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer) / (4 * (1 + channels as u64));
@@ -188,7 +188,7 @@ impl<'a> Assembling<'a> {
         let has_ambient = endpoints.iter().any(|endpoint| endpoint.layout.ambient);
         let has_heads = has_diagonal || has_ambient;
         let estimates = if has_heads { 16 * (channels * camera) as u64 } else { 8 };
-        let estimates = gpu.buffer("direct light", estimates, usage)?;
+        let estimates = gpu.scratch("direct light", estimates)?;
         let [direct, ambient] =
             [planes("matrix's diagonal", has_heads)?, planes("ambient light", has_heads)?];
         let mut costs = Vec::new();
@@ -202,7 +202,7 @@ impl<'a> Assembling<'a> {
             costs.push((of_groups, 2 * groups as usize));
         }
         Step::submit(gpu, &steps)?;
-        let sums = |rows: usize| gpu.buffer("sums of rows", 8 * (rows * (2 * channels + 4)) as u64, usage);
+        let sums = |rows: usize| gpu.scratch("sums of rows", 8 * (rows * (2 * channels + 4)) as u64);
         let of_rows = sums(camera)?;
         let bounces = &classes(self.split)[self.classes.lowest as usize..];
         let rows = |is_transposed: bool, sums: &wgpu::Buffer| {
@@ -231,7 +231,7 @@ impl<'a> Assembling<'a> {
         let transposed = match rig.symmetric {
             true => None,
             // The sums of its rows are not needed.
-            false => Some(rows(true, &sums(rig.projector.pixels())?)?),
+            false => Some(rows(true, &*sums(rig.projector.pixels())?)?),
         };
         let groups = (camera as u32).div_ceil(BLOCK);
         let white = planes("errors of the white photo", true)?;

@@ -8,8 +8,8 @@ use wgpu::BufferUsages;
 use super::Limits;
 use super::kernels::{Assembly, Kernels, MOST_OF_PART, Step, split};
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
 use crate::gpu::buffers::{Readback, Results};
+use crate::gpu::{Gpu, Lent};
 use crate::render::{Consumer, RecordLayout, ResidentPaths};
 use crate::transport::RigShape;
 use crate::transport::contributions::CLASSES;
@@ -70,14 +70,15 @@ impl Division {
 /// Terms of consecutive parts.
 pub(super) struct Arena {
     pub(super) parts: Range<u32>,
-    pub(super) keys: wgpu::Buffer,
-    pub(super) values: wgpu::Buffer,
+    pub(super) keys: Lent,
+    pub(super) values: Lent,
     top: wgpu::Buffer,
     step: Step,
     /// The terms of all dispatches that are done.
     terms: u64,
     /// The largest possible number of terms of each dispatch in flight.
     in_flight: VecDeque<u64>,
+    room: u64,
 }
 
 /// The terms of the paths from one endpoint of the rig.
@@ -88,9 +89,9 @@ pub(super) struct Endpoint {
     pub(super) base: Assembly,
     records: wgpu::Buffer,
     /// For each part: its first term in its arena, the number of its terms, its rays, and its unfinished paths.
-    pub(super) parts: wgpu::Buffer,
+    pub(super) parts: Lent,
     /// For each part and channel, the sums of direct and of ambient light; a placeholder if there is neither.
-    pub(super) heads: wgpu::Buffer,
+    pub(super) heads: Lent,
     pub(super) arenas: Vec<Arena>,
 }
 
@@ -169,14 +170,22 @@ impl Parts {
     /// An empty arena for terms from the part `first` on.
     fn arena(&self, gpu: &Gpu, first: u32, terms: u64) -> Result<Arena> {
         let endpoint = self.current();
-        let words = |label, count| gpu.buffer(label, 4 * count, BufferUsages::STORAGE);
-        let keys = words("keys of terms", terms)?;
-        let values = words("values of terms", terms * self.channels as u64)?;
+        let keys = gpu.scratch("keys of terms", 4 * terms)?;
+        let values = gpu.scratch("values of terms", 4 * terms * self.channels as u64)?;
         let top = gpu.buffer("number of terms", 4, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
         let buffers =
-            [&endpoint.records, &top, &keys, &values, &endpoint.parts, &self.counts, &endpoint.heads];
+            [&endpoint.records, &top, &*keys, &*values, &*endpoint.parts, &self.counts, &*endpoint.heads];
         let step = self.kernels.parts.step(gpu, &endpoint.base, &buffers, 0)?;
-        Ok(Arena { parts: first..first, keys, values, top, step, terms: 0, in_flight: VecDeque::new() })
+        Ok(Arena {
+            parts: first..first,
+            keys,
+            values,
+            top,
+            step,
+            terms: 0,
+            in_flight: VecDeque::new(),
+            room: terms,
+        })
     }
 }
 
@@ -225,8 +234,8 @@ impl Consumer for Parts {
             paths,
             base,
             records: records.clone(),
-            parts: gpu.buffer("parts of paths", 16 * parts, BufferUsages::STORAGE)?,
-            heads: gpu.buffer("direct light of parts", 8 * heads, BufferUsages::STORAGE)?,
+            parts: gpu.scratch("parts of paths", 16 * parts)?,
+            heads: gpu.scratch("direct light of parts", 8 * heads)?,
             arenas: Vec::new(),
         };
         self.endpoints.push(endpoint);
@@ -243,8 +252,7 @@ impl Consumer for Parts {
         let parts = division.part_of(of.first_path + u64::from(of.paths)) as u32 - first;
         let most_ends = layout.most_ends() as u64;
         let most = u64::from(of.paths) * most_ends;
-        let has_room =
-            |arena: &Arena| arena.terms + arena.in_flight.iter().sum::<u64>() + most <= arena.keys.size() / 4;
+        let has_room = |arena: &Arena| arena.terms + arena.in_flight.iter().sum::<u64>() + most <= arena.room;
         if !self.current().arenas.last().is_some_and(has_room) {
             let wanted = (paths - of.first_path) * most_ends;
             let arena = self.arena(gpu, first, wanted.min(self.limits.arena).max(most).max(1))?;

@@ -12,7 +12,7 @@ use super::kernels::{
 };
 use super::parts::{ClassRange, Endpoint};
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Lent};
 use crate::transport::Bounces;
 use crate::transport::gpu_matrix::{Band, DeviceLayer, cut};
 
@@ -40,11 +40,11 @@ pub(super) struct Rows<'a> {
 
 /// The buffers of a band while it is made. The next band uses them again.
 struct Scratch {
-    row_terms: wgpu::Buffer,
-    entry_columns: wgpu::Buffer,
-    entry_values: wgpu::Buffer,
-    cursors: wgpu::Buffer,
-    classes: wgpu::Buffer,
+    row_terms: Lent,
+    entry_columns: Lent,
+    entry_values: Lent,
+    cursors: Lent,
+    classes: Lent,
 }
 
 impl Endpoint {
@@ -88,12 +88,13 @@ impl Rows<'_> {
         let most = if bands.len() == 1 { total } else { self.limits.entries.max(longest as usize) as u64 };
         let most_rows = bands.iter().map(ExactSizeIterator::len).max().unwrap_or(0) as u64;
         let values = most * self.channels as u64;
+        let words = |label, count: u64| self.gpu.scratch(label, 4 * count);
         let scratch = Scratch {
-            row_terms: self.words("terms of rows", most + values)?,
-            entry_columns: self.words("columns of entries", most)?,
-            entry_values: self.words("values of entries", values)?,
-            cursors: self.words("terms that have arrived", most_rows)?,
-            classes: self.words("entries of classes", most_rows * (1 << self.classes.bits()))?,
+            row_terms: words("terms of rows", most + values)?,
+            entry_columns: words("columns of entries", most)?,
+            entry_values: words("values of entries", values)?,
+            cursors: words("terms that have arrived", most_rows)?,
+            classes: words("entries of classes", most_rows * (1 << self.classes.bits()))?,
         };
         let mut layers: Vec<DeviceLayer> = bounces
             .iter()
@@ -165,7 +166,8 @@ impl Rows<'_> {
                     ..of_band
                 };
                 let Scratch { row_terms, cursors, .. } = scratch;
-                let buffers = [&arena.keys, &arena.values, &endpoint.parts, starts, cursors, row_terms];
+                let buffers =
+                    [&*arena.keys, &*arena.values, &*endpoint.parts, starts, &**cursors, &**row_terms];
                 steps.push(self.kernels.scatter.step(
                     gpu,
                     &parameters,
