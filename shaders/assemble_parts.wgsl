@@ -3,7 +3,7 @@
 #import scan
 #import sort
 
-const LANES = 64u;
+const LANES = 32u;
 // The most contributions of a part.
 const SORTED = 512u;
 const PLACE_BITS = 9u;
@@ -71,7 +71,7 @@ fn surfaces_of(head: vec4u) -> u32 {
     return select(0u, surfaces, (head.x >> 16u) == (assembly.mark >> 16u));
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(32)
 fn sum_parts(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,

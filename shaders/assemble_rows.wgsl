@@ -4,7 +4,7 @@
 #import scan
 #import sort
 
-const LANES = 128u;
+const LANES = 64u;
 // The most terms of a row that are sorted in workgroup memory. Longer rows are sorted in place (LONG).
 const SORTED = 1024u;
 const PLACE_BITS = 10u;
@@ -107,7 +107,7 @@ fn sort_global(row_start: u32, lane: u32, count: u32) {
     }
 }
 
-@compute @workgroup_size(128)
+@compute @workgroup_size(64)
 fn merge_rows(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,

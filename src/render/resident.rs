@@ -61,15 +61,12 @@ impl Tracer {
         settings: &TraceSettings,
         consumer: &mut dyn Consumer,
     ) -> Result<TraceSummary> {
-        settings.check()?;
-        let strategies = self.strategies(settings)?;
+        let strategies = self.resident_strategies(settings)?;
         let pixels: StartPixels = self.start_pixels(settings);
         let all: Vec<Range<u64>> = strategies.iter().map(|strategy| strategy.paths_from(&pixels)).collect();
         let total = all.iter().map(|paths| paths.end - paths.start).sum();
         let mut summary = TraceSummary::default();
-        for (mut strategy, paths) in strategies.into_iter().zip(all) {
-            // Several paths of an invocation are an optimization for the processor.
-            strategy.features.several_paths = false;
+        for (strategy, paths) in strategies.into_iter().zip(all) {
             self.run_resident(&strategy, paths, total, &mut summary, consumer)?;
         }
         // Everything has been traced, so a request to stop has no effect.
@@ -147,10 +144,21 @@ impl Tracer {
         Ok(())
     }
 
-    /// The layouts of the records of a trace with these settings, for each endpoint at which paths start.
-    pub(crate) fn record_layouts(&mut self, settings: &TraceSettings) -> Result<Vec<RecordLayout>> {
+    /// Compiles the kernels of [`Tracer::trace_resident`]. Returns the layouts of the records, for each endpoint at which paths start.
+    pub(crate) fn prepare_resident(&mut self, settings: &TraceSettings) -> Result<Vec<RecordLayout>> {
+        let strategies = self.resident_strategies(settings)?;
+        for strategy in &strategies {
+            kernel(&self.gpu, &mut self.kernels, &strategy.features)?;
+        }
+        Ok(strategies.into_iter().map(|strategy| strategy.layout).collect())
+    }
+
+    fn resident_strategies(&mut self, settings: &TraceSettings) -> Result<Vec<Strategy>> {
         settings.check()?;
-        Ok(self.strategies(settings)?.into_iter().map(|strategy| strategy.layout).collect())
+        let mut strategies = self.strategies(settings)?;
+        // Several paths of an invocation are an optimization for the processor.
+        strategies.iter_mut().for_each(|strategy| strategy.features.several_paths = false);
+        Ok(strategies)
     }
 
     /// The error for light paths that the driver left unfinished.

@@ -75,29 +75,13 @@ pub(super) fn assemble(
 ) -> Result<Assembled> {
     let gpu = tracer.gpu().clone();
     require_double_precision(&gpu)?;
-    self_test::require_working(&gpu, channels)?;
-    let limits = Limits::of(&gpu, channels.count());
-    assemble_within(tracer, settings, channels, split, limits)
-}
-
-fn require_double_precision(gpu: &Gpu) -> Result<()> {
-    if gpu.summary.double_precision {
-        return Ok(());
-    }
-    Err(Error::device(format!("{} cannot calculate in f64, which sums of light need", gpu.summary.name)))
-}
-
-fn assemble_within(
-    tracer: &mut Tracer,
-    settings: &TraceSettings,
-    channels: Channels,
-    split: bool,
-    limits: Limits,
-) -> Result<Assembled> {
-    let gpu = tracer.gpu().clone();
+    // The device is tested while the tracer prepares.
+    let (works, layouts) =
+        rayon::join(|| self_test::require_working(&gpu, channels), || tracer.prepare_resident(settings));
+    works?;
     let rig = shape(tracer, settings);
-    let layouts = tracer.record_layouts(settings)?;
-    let assembly = Assembling::new(&gpu, rig, channels, (settings.samples, split), &layouts, limits)?;
+    let limits = Limits::of(&gpu, channels.count());
+    let assembly = Assembling::new(&gpu, rig, channels, (settings.samples, split), &layouts?, limits)?;
     let mut parts = assembly.parts()?;
     let mut summary = tracer.trace_resident(settings, &mut parts)?;
     let made = assembly.finish(parts)?;
@@ -106,6 +90,13 @@ fn assemble_within(
     }
     summary.rays = made.rays;
     Ok(Assembled { summary, ..made.assembled })
+}
+
+fn require_double_precision(gpu: &Gpu) -> Result<()> {
+    if gpu.summary.double_precision {
+        return Ok(());
+    }
+    Err(Error::device(format!("{} cannot calculate in f64, which sums of light need", gpu.summary.name)))
 }
 
 /// A matrix with the cost of its paths.
