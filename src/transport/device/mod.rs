@@ -19,10 +19,8 @@ mod tests;
 
 use std::sync::Arc;
 
-use wgpu::BufferUsages;
-
 use self::kernels::{Assembly, BLOCK, Kernels, PIXELS_OF_GROUP, Packing, SUMS, Step, split};
-use self::parts::{ClassRange, Division, Parts};
+use self::parts::{ClassRange, Division, Endpoint, Parts};
 use self::rows::Rows;
 use super::assembled::{Assembled, shape};
 use super::gpu_matrix::{self, DeviceLayer, GpuMatrix};
@@ -31,8 +29,8 @@ use super::noise::{Halves, Noise, relative};
 use super::spread::classes;
 use super::{Bounces, Channels, RigShape, TransportMatrix};
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
-use crate::image::Image;
+use crate::gpu::{Gpu, Lent};
+use crate::image::{Image, Resolution};
 use crate::render::{RecordLayout, TraceSettings, TraceSummary, Tracer};
 
 /// The largest arrays of an assembly, in elements.
@@ -84,7 +82,7 @@ pub(super) fn assemble(
     let assembly = Assembling::new(&gpu, rig, channels, (settings.samples, split), &layouts?, limits)?;
     let mut parts = assembly.parts()?;
     let mut summary = tracer.trace_resident(settings, &mut parts)?;
-    let made = assembly.finish(parts)?;
+    let made = assembly.finish(&parts)?;
     if made.unfinished > 0 {
         return Err(tracer.unfinished(made.unfinished, summary.paths));
     }
@@ -167,109 +165,127 @@ impl<'a> Assembling<'a> {
         Parts::new(self.gpu, self.kernels.clone(), self.limits, of, (self.samples, self.split))
     }
 
-    /// Makes the matrix from the terms of all paths.
-    fn finish(&self, parts: Parts) -> Result<Made> {
-        let (gpu, channels, rig) = (self.gpu, self.channels.count(), self.rig);
-        let camera = rig.camera.pixels();
-        let has_diagonal = self.base.direct == 1;
-        let Parts { counts, endpoints, .. } = &parts;
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
-        let planes =
-            |label, has: bool| gpu.buffer(label, 4 * if has { channels * camera } else { 1 } as u64, usage);
+    /// Submits the sums of direct and ambient light and of the paths' costs.
+    fn pixels(&self, endpoints: &[Endpoint]) -> Result<PixelLight> {
+        let (gpu, plane) = (self.gpu, (self.channels.count() * self.rig.camera.pixels()) as u64);
         let has_ambient = endpoints.iter().any(|endpoint| endpoint.layout.ambient);
-        let has_heads = has_diagonal || has_ambient;
-        let estimates = if has_heads { 16 * (channels * camera) as u64 } else { 8 };
-        let estimates = gpu.scratch("direct light", estimates)?;
-        let [direct, ambient] =
-            [planes("matrix's diagonal", has_heads)?, planes("ambient light", has_heads)?];
-        let mut costs = Vec::new();
-        let mut steps = Vec::new();
+        let has_any = self.base.direct == 1 || has_ambient;
+        let estimates = gpu.scratch("direct light", if has_any { 16 * plane } else { 8 })?;
+        let of_plane = |label| gpu.scratch(label, if has_any { 4 * plane } else { 4 });
+        let [direct, ambient] = [of_plane("matrix's diagonal")?, of_plane("ambient light")?];
+        let (mut costs, mut steps) = (Vec::new(), Vec::new());
         for endpoint in endpoints {
             let groups = endpoint.pixels().div_ceil(PIXELS_OF_GROUP);
-            let of_groups = gpu.buffer("costs", 8 * u64::from(groups), usage)?;
+            let of_groups = gpu.scratch("costs", 8 * u64::from(groups))?;
             let parameters = Assembly { rows: endpoint.pixels(), ..endpoint.base };
-            let buffers = [&endpoint.parts, &endpoint.heads, &estimates, &direct, &ambient, &of_groups];
+            let buffers = [&*endpoint.parts, &*endpoint.heads, &*estimates, &*direct, &*ambient, &*of_groups];
             steps.push(self.kernels.pixels.step(gpu, &parameters, &buffers, groups)?);
             costs.push((of_groups, 2 * groups as usize));
         }
         Step::submit(gpu, &steps)?;
-        let sums = |rows: usize| gpu.scratch("sums of rows", 8 * (rows * (2 * channels + 4)) as u64);
-        let of_rows = sums(camera)?;
-        let bounces = &classes(self.split)[self.classes.lowest as usize..];
-        let rows = |is_transposed: bool, sums: &wgpu::Buffer| {
-            let [of_rows, columns] = match is_transposed {
-                false => [rig.camera, rig.projector],
-                true => [rig.projector, rig.camera],
-            };
-            let rows = Rows {
-                gpu,
-                kernels: &self.kernels,
-                limits: self.limits,
-                channels,
-                classes: self.classes,
-                base: self.base,
-                sources: endpoints.iter().map(|endpoint| (endpoint, endpoint.flags(is_transposed))).collect(),
-                counts,
-                first_count: if is_transposed { camera as u32 } else { 0 },
-                rows: of_rows.pixels() as u32,
-                columns: columns.pixels(),
-                estimates: &estimates,
-                sums,
-            };
-            rows.layers(bounces)
+        Ok(PixelLight { has_any, has_ambient, estimates, direct, ambient, costs })
+    }
+
+    /// The layers of the matrix, or of its transpose, and the sums of its rows.
+    fn layers(&self, parts: &Parts, light: &PixelLight, is_transposed: bool) -> Result<(Layers, Lent)> {
+        let [rows, columns] = match is_transposed {
+            false => [self.rig.camera, self.rig.projector].map(Resolution::pixels),
+            true => [self.rig.projector, self.rig.camera].map(Resolution::pixels),
         };
-        let layers = rows(false, &of_rows)?;
+        let channels = self.channels.count();
+        let sums = self.gpu.scratch("sums of rows", 8 * (rows * (2 * channels + 4)) as u64)?;
+        let flags = |endpoint| (endpoint, Endpoint::flags(endpoint, is_transposed));
+        let made = Rows {
+            gpu: self.gpu,
+            kernels: &self.kernels,
+            limits: self.limits,
+            channels,
+            classes: self.classes,
+            base: self.base,
+            sources: parts.endpoints.iter().map(flags).collect(),
+            counts: &parts.counts,
+            first_count: if is_transposed { self.rig.camera.pixels() as u32 } else { 0 },
+            rows: rows as u32,
+            columns,
+            estimates: &light.estimates,
+            sums: &sums,
+        };
+        let layers = made.layers(&classes(self.split)[self.classes.lowest as usize..])?;
+        let keeps = |layer: &DeviceLayer| layer.bounces != Bounces::One || layer.entries > 0;
+        Ok((layers.into_iter().filter(keeps).map(Arc::new).collect(), sums))
+    }
+
+    /// Makes the matrix from the terms of all paths.
+    fn finish(&self, parts: &Parts) -> Result<Made> {
+        let (gpu, channels, rig) = (self.gpu, self.channels.count(), self.rig);
+        let camera = rig.camera.pixels();
+        let light = self.pixels(&parts.endpoints)?;
+        let (layers, of_rows) = self.layers(parts, &light, false)?;
+        // The matrix of a coaxial rig is its own transpose.
         let transposed = match rig.symmetric {
             true => None,
-            // The sums of its rows are not needed.
-            false => Some(rows(true, &*sums(rig.projector.pixels())?)?),
+            false => Some(self.layers(parts, &light, true)?.0),
         };
-        let groups = (camera as u32).div_ceil(BLOCK);
-        let white = planes("errors of the white photo", true)?;
-        let all = gpu.buffer("sums of the matrix", 8 * u64::from(groups) * SUMS as u64, usage)?;
+        let (groups, plane) = ((camera as u32).div_ceil(BLOCK), channels * camera);
+        let white = gpu.scratch("errors of the white photo", 4 * plane as u64)?;
+        let all = gpu.scratch("sums of the matrix", 8 * u64::from(groups) * SUMS as u64)?;
         let parameters = Assembly { rows: camera as u32, ..self.base };
-        let step = self.kernels.sums.step(gpu, &parameters, &[&of_rows, &white, &all], groups)?;
-        Step::submit(gpu, &[step])?;
-        let plane = channels * camera;
-        let mut asked = vec![(&white, plane), (&all, 2 * SUMS * groups as usize)];
-        asked.extend(costs.iter().map(|(buffer, words)| (buffer, *words)));
-        asked.extend(has_heads.then_some([(&direct, plane), (&ambient, plane)]).into_iter().flatten());
-        let mut found = gpu.read_all::<u32>(&asked)?.into_iter();
-        let mut next = || found.next().unwrap_or_default();
-        let [white, all] = [next(), next()];
-        let (mut rays, mut unfinished) = (0, 0);
-        for cost in costs.iter().flat_map(|_| next()).collect::<Vec<_>>().as_chunks::<2>().0 {
-            rays += u64::from(cost[0]);
-            unfinished += u64::from(cost[1]);
-        }
-        let [direct_plane, ambient] = [next(), next()];
+        Step::submit(
+            gpu,
+            &[self.kernels.sums.step(gpu, &parameters, &[&*of_rows, &*white, &*all], groups)?],
+        )?;
+        let of_light = if light.has_any { plane } else { 0 };
+        let mut asked = vec![
+            (&*white, plane),
+            (&*all, 2 * SUMS * groups as usize),
+            (&*light.direct, of_light),
+            (&*light.ambient, of_light),
+        ];
+        asked.extend(light.costs.iter().map(|(buffer, words)| (&**buffer, *words)));
+        let found = gpu.read_all::<u32>(&asked)?;
+        let [rays, unfinished] = [0, 1].map(|which| {
+            let costs = found[4..].iter().flat_map(|words| words.as_chunks::<2>().0);
+            costs.map(|cost| u64::from(cost[which])).sum::<u64>()
+        });
         let floats = |words: &[u32]| words.iter().map(|&word| f32::from_bits(word)).collect::<Vec<f32>>();
         let image = |words: &[u32]| {
             let plane = |words: &[u32]| floats(words).into_iter().map(f64::from).collect();
             Image::from_planes(rig.camera, &words.chunks(camera).map(plane).collect::<Vec<Vec<f64>>>())
         };
-        let noise = if endpoints.iter().all(|endpoint| endpoint.layout.samples > 1) {
-            Some(noise(image(&white)?, &all))
-        } else {
-            None
+        let has_noise = parts.endpoints.iter().all(|endpoint| endpoint.layout.samples > 1);
+        let noise = if has_noise { Some(noise(image(&found[0])?, &found[1])) } else { None };
+        let ambient = match light.has_ambient {
+            true => image(&found[3])?,
+            false => Image::filled(rig.camera, channels, 0.0),
         };
-        let ambient = if has_ambient { image(&ambient)? } else { Image::filled(rig.camera, channels, 0.0) };
-        let direct_planes = match (has_diagonal, rig.symmetric) {
-            (true, _) => direct_plane.chunks(camera).map(floats).collect(),
+        let direct = match (self.base.direct == 1, rig.symmetric) {
+            (true, _) => found[2].chunks(camera).map(floats).collect(),
             // With a lens, direct light is not a diagonal.
             (false, true) => vec![vec![0.0; camera]; channels],
             (false, false) => vec![Vec::new(); channels],
         };
-        let keeps = |layer: &DeviceLayer| layer.bounces != Bounces::One || layer.entries > 0;
-        let kept =
-            |layers: Vec<DeviceLayer>| layers.into_iter().filter(keeps).map(Arc::new).collect::<Vec<_>>();
-        let (layers, transposed) = (kept(layers), transposed.map(kept));
         let of_host = layers.iter().map(|layer| Layer::on_device(Arc::clone(layer))).collect();
-        let matrix = TransportMatrix::new(rig, self.channels, direct_planes, of_host);
+        let matrix = TransportMatrix::new(rig, self.channels, direct, of_host);
         let gpu_matrix = Some(GpuMatrix::of_layers(gpu, &matrix, layers, transposed)?);
         let assembled = Assembled { matrix, ambient, noise, summary: TraceSummary::default(), gpu_matrix };
         Ok(Made { assembled, rays, unfinished })
     }
+}
+
+/// Layers on the device, by bounces.
+type Layers = Vec<Arc<DeviceLayer>>;
+
+/// Direct and ambient light of the camera's pixels, and the costs of the paths.
+struct PixelLight {
+    has_any: bool,
+    has_ambient: bool,
+    /// Direct light and its error, for each pixel and channel.
+    estimates: Lent,
+    /// Planes of the channels.
+    direct: Lent,
+    ambient: Lent,
+    /// For each endpoint, the rays and the unfinished paths of groups of pixels, with the number of words.
+    costs: Vec<(Lent, usize)>,
 }
 
 /// The noise, from the errors of the white photo and the sums of all groups of rows, as `shaders/assemble_sums.wgsl` writes them.

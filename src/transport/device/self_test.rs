@@ -95,7 +95,7 @@ impl Known {
         })?;
         parts.submitted(&submission);
         parts.finished(gpu)?;
-        let made = assembly.finish(parts)?;
+        let made = assembly.finish(&parts)?;
         let summary = TraceSummary { rays: made.rays, paths: u64::from(paths), ..TraceSummary::default() };
         let device = Assembled { summary, ..made.assembled };
         let batch = Batch::known(self.layout, &records);
