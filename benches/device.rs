@@ -123,7 +123,7 @@ fn row(adapter: &AdapterSummary, name: &str, scene: &Scene, side: usize) -> Outc
         products.push(1e3 * product.as_secs_f64());
         shares.push(copied * bytes as f64 * f64::from(PHOTOS) / product.as_secs_f64());
         // A term is written, read, written to two rows and read there; an entry is written, read and written. There are half as many
-        // terms as entries.
+        // terms as entries. The records of the paths, from which terms are made, come on top.
         limits.push(1e3 * copied * 6.0 * bytes as f64);
         let start = Instant::now();
         let mut operator = traced.operator(Part::Full, 0);

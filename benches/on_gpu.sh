@@ -10,11 +10,12 @@ task=${1:?collect or run}
 folder=${2:?a folder}
 
 if [ "$task" = collect ]; then
-    set -e
+    set -eo pipefail
     mkdir -p "$folder"
+    rm -f "$folder"/test-* "$folder/device" "$folder/krylux"
     cargo build --release --locked
     # Names and files of all test programs, and of the benchmark.
-    { cargo test --release --locked --no-run --message-format=json; cargo bench --locked --bench device --no-run --message-format=json; } 2> /dev/null |
+    { cargo test --release --locked --no-run --message-format=json; cargo bench --locked --bench device --no-run --message-format=json; } |
         sed -n 's/.*"target":{"kind":\["\([a-z]*\)".*"name":"\([a-z_]*\)".*"executable":"\([^"]*\)".*/\1 \2 \3/p' |
         while read -r kind name file; do
             case "$kind $name" in
@@ -34,9 +35,9 @@ status=0
 "$krylux" info 2>&1 | head -20
 
 echo; echo "## The benchmark"
-timeout 100 "$folder/device"
+timeout 100 "$folder/device" || { echo "FAILED: the benchmark"; status=1; }
 
-echo; echo "## Whole processes: seconds of three runs of 50 photos each"
+echo; echo "## Whole processes: three runs of 50 photos each"
 runs=$(mktemp -d)
 for side in 128 512 1024; do
     for scene in corner cornell; do

@@ -14,7 +14,8 @@ override CHANNELS: u32 = 3u;
 // Planes of direct light and of ambient light.
 @group(0) @binding(4) var<storage, read_write> direct: array<f32>;
 @group(0) @binding(5) var<storage, read_write> ambient: array<f32>;
-@group(0) @binding(6) var<storage, read_write> costs: array<vec2u>;
+// For each workgroup: the sums of the lower and of the upper halves of its pixels' rays, and the unfinished paths.
+@group(0) @binding(6) var<storage, read_write> costs: array<vec4u>;
 
 @compute @workgroup_size(256)
 fn sum_pixels(
@@ -38,13 +39,17 @@ fn sum_pixels(
             }
         }
     }
-    scan_lanes(lane, rays);
-    let all_rays = partial[LANES - 1u];
-    workgroupBarrier();
-    scan_lanes(lane, unfinished);
-    if (lane == 0u) {
-        costs[block] = vec2u(all_rays, partial[LANES - 1u]);
+    let cost = vec4u(sum_lanes(lane, rays & 0xffffu), sum_lanes(lane, rays >> 16u), sum_lanes(lane, unfinished), 0u);
+    if (lane == 0u && block * LANES < assembly.rows) {
+        costs[block] = cost;
     }
+}
+
+fn sum_lanes(lane: u32, own: u32) -> u32 {
+    scan_lanes(lane, own);
+    let all = partial[LANES - 1u];
+    workgroupBarrier();
+    return all;
 }
 
 fn sum_pixel(pixel: u32, channel: u32) {

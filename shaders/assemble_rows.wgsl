@@ -58,22 +58,28 @@ fn weight(high: vec4f, low: vec4f, which: u32) -> f64 {
     return f64(high[which]) + f64(low[which]);
 }
 
-// The sum of the terms from `first` on that have the same position.
+// The sum of the terms from `first` on that have the same position. Light is added as it is, for each half of the samples of
+// each endpoint, and weighted at the end: no driver can then round an entry and its mirror image differently.
 fn sum_from(row_start: u32, first: u32, count: u32) -> Sum {
-    var sum = Sum();
+    var plain = array<array<f64, 3>, 4>();
     let position = position_at(row_start, first);
-    let mean = f64(assembly.mean.x) + f64(assembly.mean.y);
     for (var at = first; at < count && position_at(row_start, at) == position; at += 1u) {
         let key = key_at(row_start, at);
         let number = key & ((1u << assembly.part_bits) - 1u);
         let projector = select((key >> assembly.part_bits) & 1u, 0u, is_set(SYMMETRIC));
         let half = u32(number >= assembly.first_halves[projector]);
-        let error = weight(assembly.error_high, assembly.error_low, 2u * projector + half);
+        let place = (row_start + place_at(at)) * (1u + CHANNELS);
         for (var channel = 0u; channel < CHANNELS; channel += 1u) {
-            let place = (row_start + place_at(at)) * (1u + CHANNELS);
-            let value = f64(bitcast<f32>(row_terms[place + 1u + channel]));
-            sum.mean[channel] += value * mean;
-            sum.error[channel] += value * error;
+            plain[2u * projector + half][channel] += f64(bitcast<f32>(row_terms[place + 1u + channel]));
+        }
+    }
+    var sum = Sum();
+    let mean = f64(assembly.mean.x) + f64(assembly.mean.y);
+    for (var channel = 0u; channel < CHANNELS; channel += 1u) {
+        let all = (plain[0][channel] + plain[1][channel]) + (plain[2][channel] + plain[3][channel]);
+        sum.mean[channel] = all * mean;
+        for (var which = 0u; which < 4u; which += 1u) {
+            sum.error[channel] += plain[which][channel] * weight(assembly.error_high, assembly.error_low, which);
         }
     }
     return sum;

@@ -51,12 +51,11 @@ impl Gpu {
                 })
             })
         };
-        make().or_else(|_| {
+        match make() {
             // Buffers that wait to be used again may occupy the memory.
-            self.kept.waiting.clear();
-            self.wait(None)?;
-            make()
-        })
+            Err(_) if self.kept.waiting.clear() => self.wait(None).and_then(|()| make()),
+            made => made,
+        }
     }
 
     /// A read-only storage texture of 16-byte texels in rows of [`TEXTURE_WIDTH`], padded with zeros.
@@ -109,7 +108,7 @@ impl Gpu {
         })
     }
 
-    fn check_size(&self, label: &str, bytes: u64) -> Result<()> {
+    pub(crate) fn check_size(&self, label: &str, bytes: u64) -> Result<()> {
         let limit = self.summary.max_storage_binding.min(self.summary.max_buffer);
         if bytes > limit { Err(self.too_large(label, bytes, limit)) } else { Ok(()) }
     }

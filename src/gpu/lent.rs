@@ -21,8 +21,9 @@ impl Waiting {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn clear(&self) {
-        self.lock().clear();
+    /// Frees all of them. Returns whether there were any.
+    pub(super) fn clear(&self) -> bool {
+        !std::mem::take(&mut *self.lock()).is_empty()
     }
 }
 
@@ -51,6 +52,11 @@ impl Drop for Lent {
 }
 
 impl Gpu {
+    /// Frees the buffers that wait to be used again.
+    pub(crate) fn free_scratch(&self) {
+        self.kept.waiting.clear();
+    }
+
     /// A storage buffer of at least this many bytes, for a kernel that writes before it reads: its contents are those of an earlier use.
     pub(crate) fn scratch(&self, label: &str, bytes: u64) -> Result<Lent> {
         let mut waiting = self.kept.waiting.lock();
@@ -87,7 +93,6 @@ mod tests {
         assert_eq!(gpu.kept.waiting.lock().len(), 0);
         drop(again);
         assert!(lend(1 << 18).size() == 1 << 18, "both are too large");
-        gpu.kept.waiting.clear();
-        assert_eq!(gpu.kept.waiting.lock().len(), 0);
+        assert!(gpu.kept.waiting.clear() && !gpu.kept.waiting.clear());
     }
 }

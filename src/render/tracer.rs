@@ -197,8 +197,8 @@ impl Tracer {
         self.assembles.unwrap_or(!self.gpu.summary.is_processor())
     }
 
-    /// Measures the time of all work on the device during `work`, by the device's own clock: what each pass does (`tracing`, `assembly` or
-    /// `products`), and its time. Fails like `work`, or with [`Error::Device`] if the driver has no timestamps.
+    /// Measures the time of all work on the device during `work`, by the device's own clock: what each pass does (`tracing`, `products`, or
+    /// the kernel of an assembly), and its time. At most 2,048 passes are timed. Fails like `work`, or with [`Error::Device`] if the driver has no timestamps.
     pub fn timed<T>(
         &mut self,
         work: impl FnOnce(&mut Self) -> Result<T>,
@@ -213,6 +213,7 @@ impl Tracer {
     pub fn release_buffers(&mut self) {
         self.staging.clear();
         self.resident = None;
+        self.gpu.free_scratch();
         self.chains = ChainCache::default();
     }
 

@@ -116,9 +116,9 @@ impl Layer {
 
     /// The squares of all weights of a channel, added to `sum`.
     pub(super) fn squares(&self, channel: usize, sum: f64) -> f64 {
-        match (self.tiles.get(), &self.resident) {
-            (None, Some(resident)) => sum + resident.squares[channel],
-            _ => self.tiles().squares(channel, sum),
+        match &self.resident {
+            Some(resident) => sum + resident.squares[channel],
+            None => self.tiles().squares(channel, sum),
         }
     }
 

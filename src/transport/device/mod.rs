@@ -61,6 +61,9 @@ impl Limits {
     }
 }
 
+/// The maximum number of parts of a pixel. Software Vulkan leaves a loop after 65,535 iterations without an error.
+const MOST_PARTS: u32 = 1 << 15;
+
 /// Traces the scene and assembles its matrix on the device. The observer sees the steps.
 ///
 /// # Errors
@@ -133,6 +136,12 @@ impl<'a> Assembling<'a> {
         let divisions: Vec<Division> =
             layouts.iter().map(|layout| Division::new(layout.samples, layout.most_ends())).collect();
         let most_parts = divisions.iter().map(|division| division.parts_of_pixel).max().unwrap_or(1);
+        if most_parts > MOST_PARTS {
+            return Err(Error::device(format!("{samples} samples of a pixel are too many for its sums")));
+        }
+        // These are the largest arrays that are needed whatever the paths meet.
+        let sums = 8 * (2 * channels.count() + 4) * rig.camera.pixels().max(rig.projector.pixels());
+        gpu.check_size("sums of rows", sums as u64)?;
         let part_bits = bits(u64::from(most_parts));
         let pixel_bits = bits(rig.camera.pixels().max(rig.projector.pixels()) as u64);
         let term_bits = pixel_bits + classes.bits();
@@ -176,11 +185,11 @@ impl<'a> Assembling<'a> {
         let (mut costs, mut steps) = (Vec::new(), Vec::new());
         for endpoint in endpoints {
             let groups = endpoint.pixels().div_ceil(PIXELS_OF_GROUP);
-            let of_groups = gpu.scratch("costs", 8 * u64::from(groups))?;
+            let of_groups = gpu.scratch("costs", 16 * u64::from(groups))?;
             let parameters = Assembly { rows: endpoint.pixels(), ..endpoint.base };
             let buffers = [&*endpoint.parts, &*endpoint.heads, &*estimates, &*direct, &*ambient, &*of_groups];
             steps.push(self.kernels.pixels.step(gpu, &parameters, &buffers, groups)?);
-            costs.push((of_groups, 2 * groups as usize));
+            costs.push((of_groups, 4 * groups as usize));
         }
         Step::submit(gpu, &steps)?;
         Ok(PixelLight { has_any, has_ambient, estimates, direct, ambient, costs })
@@ -243,10 +252,11 @@ impl<'a> Assembling<'a> {
         ];
         asked.extend(light.costs.iter().map(|(buffer, words)| (&**buffer, *words)));
         let found = gpu.read_all::<u32>(&asked)?;
-        let [rays, unfinished] = [0, 1].map(|which| {
-            let costs = found[4..].iter().flat_map(|words| words.as_chunks::<2>().0);
+        let [low, high, unfinished] = [0, 1, 2].map(|which| {
+            let costs = found[4..].iter().flat_map(|words| words.as_chunks::<4>().0);
             costs.map(|cost| u64::from(cost[which])).sum::<u64>()
         });
+        let rays = low + (high << 16);
         let floats = |words: &[u32]| words.iter().map(|&word| f32::from_bits(word)).collect::<Vec<f32>>();
         let image = |words: &[u32]| {
             let plane = |words: &[u32]| floats(words).into_iter().map(f64::from).collect();

@@ -7,6 +7,7 @@ use wgpu::BufferUsages;
 
 use super::Limits;
 use super::kernels::{Assembly, Kernels, MOST_OF_PART, Step, split};
+use super::rows::too_many;
 use crate::error::{Error, Result};
 use crate::gpu::buffers::{Readback, Results};
 use crate::gpu::{Gpu, Lent};
@@ -67,6 +68,9 @@ impl Division {
     }
 }
 
+/// The number of paths after which the number of all terms is estimated.
+const ENOUGH: u64 = 1 << 22;
+
 /// Terms of consecutive parts.
 pub(super) struct Arena {
     pub(super) parts: Range<u32>,
@@ -108,6 +112,7 @@ impl Endpoint {
 struct InFlight {
     arena: usize,
     slot: usize,
+    paths: u32,
     readback: Option<Readback>,
 }
 
@@ -144,6 +149,8 @@ pub(super) struct Parts {
     /// The buffers through which the host reads how full an arena is.
     slots: Vec<wgpu::Buffer>,
     in_flight: VecDeque<InFlight>,
+    /// The paths of this endpoint that are done.
+    finished: u64,
 }
 
 impl Parts {
@@ -160,7 +167,20 @@ impl Parts {
         let slot = |_| gpu.buffer("terms of an arena", 4, BufferUsages::MAP_READ | BufferUsages::COPY_DST);
         let slots = (0..2).map(slot).collect::<Result<_>>()?;
         let (endpoints, in_flight) = (Vec::new(), VecDeque::new());
-        Ok(Self { kernels, limits, channels, rig, samples, is_split, counts, endpoints, slots, in_flight })
+        let finished = 0;
+        Ok(Self {
+            kernels,
+            limits,
+            channels,
+            rig,
+            samples,
+            is_split,
+            counts,
+            endpoints,
+            slots,
+            in_flight,
+            finished,
+        })
     }
 
     fn current(&self) -> &Endpoint {
@@ -239,6 +259,7 @@ impl Consumer for Parts {
             arenas: Vec::new(),
         };
         self.endpoints.push(endpoint);
+        self.finished = 0;
         Ok(())
     }
 
@@ -278,7 +299,12 @@ impl Consumer for Parts {
         arena.in_flight.push_back(most);
         let slot =
             (0..self.slots.len()).find(|slot| self.in_flight.iter().all(|flight| flight.slot != *slot));
-        self.in_flight.push_back(InFlight { arena: index, slot: slot.unwrap_or(0), readback: None });
+        self.in_flight.push_back(InFlight {
+            arena: index,
+            slot: slot.unwrap_or(0),
+            paths: of.paths,
+            readback: None,
+        });
         Ok(())
     }
 
@@ -298,9 +324,11 @@ impl Consumer for Parts {
     }
 
     fn finished(&mut self, gpu: &Gpu) -> Result<()> {
-        let Some(InFlight { arena, slot, readback: Some(readback) }) = self.in_flight.pop_front() else {
+        let Some(InFlight { arena, slot, paths, readback: Some(readback) }) = self.in_flight.pop_front()
+        else {
             return Ok(());
         };
+        self.finished += u64::from(paths);
         let slot = Results::through(&self.slots[slot]);
         let view = slot.wait(gpu, readback)?;
         let top = bytemuck::cast_slice::<u8, u32>(&view)[0];
@@ -310,6 +338,12 @@ impl Consumer for Parts {
         let arena = &mut self.endpoints[last].arenas[arena];
         arena.terms = u64::from(top);
         arena.in_flight.pop_front();
+        let endpoint = self.current();
+        // Each term of a coaxial rig goes to two rows.
+        let expected = 2.0 * endpoint.terms() as f64 * endpoint.paths as f64 / self.finished.max(1) as f64;
+        if self.finished >= ENOUGH && expected > f64::from(u32::MAX) {
+            return Err(too_many(expected as u64));
+        }
         Ok(())
     }
 }

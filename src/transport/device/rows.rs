@@ -16,6 +16,14 @@ use crate::gpu::{Gpu, Lent};
 use crate::transport::Bounces;
 use crate::transport::gpu_matrix::{Band, DeviceLayer, cut};
 
+/// The maximum number of terms of a row. One workgroup sorts a row, and a longer one might take it so long that the driver resets the device.
+const LONGEST_ROW: u32 = 1 << 16;
+
+/// The error for more terms of rows than 32 bits count.
+pub(super) fn too_many(terms: u64) -> Error {
+    Error::device(format!("the rows have {terms} terms, and a GPU counts to {}", u32::MAX))
+}
+
 /// The rows of a matrix, and the terms from which they are made.
 pub(super) struct Rows<'a> {
     pub(super) gpu: &'a Gpu,
@@ -76,7 +84,12 @@ impl Rows<'_> {
         let expected: u64 =
             self.sources.iter().map(|(endpoint, flags)| of_flags(endpoint.terms(), *flags)).sum();
         if total != expected {
-            return Err(Error::device(format!("{expected} terms are too many for this GPU")));
+            return Err(too_many(expected));
+        }
+        if longest > LONGEST_ROW {
+            return Err(Error::device(format!(
+                "a row has {longest} terms, and a GPU is given at most {LONGEST_ROW} to sort"
+            )));
         }
         let bands = if total <= self.limits.entries as u64 {
             std::iter::once(0..self.rows as usize).collect::<Vec<_>>()

@@ -23,6 +23,7 @@ fn compared(known: &Known, limits: Limits) -> Option<String> {
 fn the_self_test_passes() {
     for channels in [Channels::Luma, Channels::Rgb] {
         assert_eq!(compared(&Known::new(channels), limits(channels)), None);
+        assert_eq!(compared(&Known::with_long_rows(channels), limits(channels)), None);
         assert!(self_test::require_working(&gpu(), channels).is_ok());
     }
 }

@@ -124,7 +124,7 @@ impl GpuMatrix {
         let mut state = self.state();
         if product.direction == Direction::Adjoint && !self.rig.symmetric && state.transposed.is_none() {
             let layer = |layer: &Layer| {
-                let rows = layer.to_rows().transposed(&(0..self.rig.projector.pixels()), 0);
+                let rows = layer.fetch()?.to_rows().transposed(&(0..self.rig.projector.pixels()), 0);
                 DeviceLayer::upload(&self.gpu, layer.bounces(), &rows, self.limits).map(Arc::new)
             };
             state.transposed = Some(matrix.layers.iter().map(layer).collect::<Result<_>>()?);

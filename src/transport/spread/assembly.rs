@@ -52,6 +52,7 @@ pub(in crate::transport) fn assemble<const C: usize>(
             Err(Error::Device { fault, .. }) if tracer.gpu().require_working().is_ok() => {
                 let note = format!("note: the matrix is assembled on the processor: {fault}");
                 tracer.observer().log(Level::Note, &note);
+                tracer.release_buffers();
             }
             made => return made,
         }
