@@ -107,7 +107,7 @@ fn eigenvalues(
         let asked: Vec<Question<'_>> =
             of_matrix.vectors.iter().map(|pattern| Question { pattern, shift: 0.0 }).collect();
         let products = retraced(tracer, with_other_seed(&used)).estimated_products(part, 0, &asked)?;
-        let estimates = eigenpair_estimates(&of_matrix, &products).ok_or("complex eigenvalues")?;
+        let estimates = eigenpair_estimates(&of_matrix, &products, 1.0).ok_or("complex eigenvalues")?;
         for (index, estimate) in estimates.iter().enumerate() {
             let off = [estimate.value, of_matrix.values[index]].map(|value| value - exact.values[index]);
             for (found, off) in found.iter_mut().zip(off) {

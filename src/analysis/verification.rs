@@ -31,7 +31,7 @@ impl Predicted {
     /// size of the noise. Twice this excess is allowed. With 24×24 pixels and 64 light paths, this covers vectors of `ε = 0.3`.
     pub fn allowed(&self) -> f64 {
         let size = (self.squares.product - self.squares.noise).max(f64::MIN_POSITIVE).sqrt();
-        let fitted = if self.is_frozen { 2.0 * self.squares.noise / size } else { 0.0 };
+        let fitted = if self.is_frozen { 2.0 * self.own * self.squares.noise / size } else { 0.0 };
         self.stated.hypot(fitted)
     }
 
@@ -195,8 +195,12 @@ impl EigenpairEstimate {
 const NOT_CANCELLED: f64 = 2.0 / 3.0;
 
 /// The eigenpairs of the scene, from the eigenpairs of a symmetric matrix and one independent product per eigenvector. `None` if pairs are
-/// complex, or if the products state no quadratic form.
-pub fn eigenpair_estimates(found: &Eigs, independent: &[EstimatedProduct]) -> Option<Vec<EigenpairEstimate>> {
+/// complex, or if the products state no quadratic form. `own` is the variance of the matrix's noise relative to that of the products.
+pub fn eigenpair_estimates(
+    found: &Eigs,
+    independent: &[EstimatedProduct],
+    own: f64,
+) -> Option<Vec<EigenpairEstimate>> {
     if found.imaginary_values.iter().any(|&value| value != 0.0) || found.values.len() != independent.len() {
         return None;
     }
@@ -208,7 +212,7 @@ pub fn eigenpair_estimates(found: &Eigs, independent: &[EstimatedProduct]) -> Op
         let squares = independent.squares(&scaled);
         Some(EigenpairEstimate {
             residual: Some((squares.difference - squares.noise).max(0.0).sqrt()),
-            ..eigenvalue_estimate(&found.values, index, unconverged, [quadratic - theta, error])
+            ..eigenvalue_estimate(&found.values, index, unconverged, [quadratic - theta, error], own)
         })
     };
     independent.iter().enumerate().map(of).collect()
@@ -216,30 +220,33 @@ pub fn eigenpair_estimates(found: &Eigs, independent: &[EstimatedProduct]) -> Op
 
 /// The eigenvalues of the scene, from the eigenvalues of a matrix's normalized cut and the residuals of their eigenvectors. For each
 /// eigenvalue, independent light states the error by [`Question::shift`](crate::transport::Question::shift). `None` if the products state
-/// no quadratic form.
+/// no quadratic form. `own` has the same meaning as for [`eigenpair_estimates`].
 pub fn cut_estimates(
     values: &[f64],
     residuals: &[f64],
     independent: &[EstimatedProduct],
+    own: f64,
 ) -> Option<Vec<EigenpairEstimate>> {
     let of = |(index, independent): (usize, &EstimatedProduct)| {
         let unconverged = temple_kato(residuals[index], gap(values, index));
-        Some(eigenvalue_estimate(values, index, unconverged, independent.quadratic?))
+        Some(eigenvalue_estimate(values, index, unconverged, independent.quadratic?, own))
     };
     independent.iter().enumerate().map(of).collect()
 }
 
 /// Estimates the eigenvalue `index` among `values` of a matrix. More photos would change this eigenvalue by about `unconverged`. By
-/// independent light, the quotient `q` lies `above` the eigenvalue, with the standard error `error`. The residual is not known.
+/// independent light, the quotient `q` lies `above` the eigenvalue, with the standard error `error`. The variance of the eigenvalue's noise
+/// is `own` times the square of this error. The residual is not known.
 fn eigenvalue_estimate(
     values: &[f64],
     index: usize,
     unconverged: f64,
     [above, error]: [f64; 2],
+    own: f64,
 ) -> EigenpairEstimate {
     let theta = values[index];
-    // The estimate is the mean of two values of about the same variance.
-    let noise = error / std::f64::consts::SQRT_2;
+    // The estimate is the mean of two values, whose variances are `error²` and about `own · error²`.
+    let noise = 0.5 * error * (1.0 + own).sqrt();
     let half = 0.5 * above.abs();
     let not_cancelled = NOT_CANCELLED * half * (half / gap(values, index)).min(1.0);
     EigenpairEstimate {
@@ -275,30 +282,36 @@ mod tests {
         assert!(judge(&[]).is_none());
     }
 
-    /// A photo of even light and its prediction. Both have noise with heavy tails. The prediction is wrong by `wrong` times the noise.
-    fn photo(random: &mut Pcg64, wrong: f64) -> Predicted {
+    /// A photo of even light and its prediction. Both have noise with heavy tails. The variance of the prediction's noise is a quarter of
+    /// that of the photo's, and is stated as `own`. The prediction is wrong by `wrong` times its own noise.
+    fn photo(random: &mut Pcg64, wrong: f64, own: f64) -> Predicted {
         let mut normal = || random.sample::<f64, _>(StandardNormal);
         // The size of the noise differs between pixels by a factor of a hundred.
-        let sizes: Vec<f64> = (0..900).map(|_| 0.03 * (1.2 * normal()).exp()).collect();
-        let mut noise = || -> Vec<f64> { sizes.iter().map(|size| size * normal()).collect() };
-        let [own, check, error, off] = [noise(), noise(), noise(), noise()];
-        let prediction: Vec<f64> = own.iter().zip(&off).map(|(own, off)| 1.0 + own + wrong * off).collect();
+        let sizes: Vec<f64> = (0..4096).map(|_| 0.03 * (1.2 * normal()).exp()).collect();
+        let mut noise = |of: f64| -> Vec<f64> { sizes.iter().map(|size| of * size * normal()).collect() };
+        let [frozen, check, error, off] = [noise(0.5), noise(1.0), noise(1.0), noise(0.5)];
+        let prediction: Vec<f64> =
+            frozen.iter().zip(&off).map(|(frozen, off)| 1.0 + frozen + wrong * off).collect();
         let product = check.iter().map(|check| 1.0 + check).collect();
         let product = EstimatedProduct { product, error, quadratic: None };
-        let signs = Some(product.signs(&prediction, 1.0, 0.0));
-        Predicted { squares: product.squares(&prediction), own: 1.0, stated: 0.0, is_frozen: false, signs }
+        let signs = Some(product.signs(&prediction, own, 0.0));
+        Predicted { squares: product.squares(&prediction), own, stated: 0.0, is_frozen: false, signs }
     }
 
     #[test]
     fn a_photo_within_its_noise_is_not_refuted_and_one_of_twice_the_noise_is() {
         let mut random = Pcg64::seed_from_u64(5);
-        let mut refuted = |wrong: f64| {
-            let judged = (0..300).filter_map(|_| judge(&[photo(&mut random, wrong)]));
+        let mut refuted = |wrong: f64, own: f64| {
+            let judged = (0..300).filter_map(|_| judge(&[photo(&mut random, wrong, own)]));
             judged.filter(|judged| judged.p_value < 1e-3).count()
         };
         // Each photo has a chance of 0.001 to be refuted, so three or more of 300 have a chance of 0.004.
-        assert!(refuted(0.0) <= 2, "right ones");
-        assert_eq!(refuted(2.0), 300, "wrong ones");
+        assert!(refuted(0.0, 0.25) <= 2, "right ones");
+        assert_eq!(refuted(2.0, 0.25), 300, "wrong ones");
+        // If the noise of the prediction is taken for as large as that of the photo, it hides most errors. If it is taken for none, right
+        // answers are refuted.
+        let off = [refuted(2.0, 1.0), refuted(0.0, 0.0)];
+        assert!(off[0] < 200 && off[1] > 100, "{off:?}");
     }
 
     /// An error in one part of the picture affects at most half of the pixels. The sum of squares detects it.

@@ -42,7 +42,7 @@ pub(super) struct RunArgs {
 #[derive(Args)]
 pub(super) struct CheckArgs {
     /// Do not check the answer. Without this, the photos that it predicts are compared with independent ones: of a scene by light paths
-    /// of another seed, which takes as long as tracing it once more; of a rig by one more photo
+    /// of another seed, which takes as long as tracing it once more, and less for eigenvectors; of a rig by one more photo
     #[arg(long = "no-check")]
     is_off: bool,
 }

@@ -38,7 +38,9 @@ mod transpose;
 mod wire;
 
 pub use assembled::{Assembled, Backend, assemble, assemble_layers};
-pub use estimated::{EstimatedOperator, EstimatedProduct, Question, Squares, with_other_seed};
+pub use estimated::{
+    EstimatedOperator, EstimatedProduct, Question, Squares, with_fewer_samples, with_other_seed,
+};
 pub use gpu_matrix::GpuMatrix;
 pub use journaled::JournaledOperator;
 pub use layer::{Bounces, Layer};

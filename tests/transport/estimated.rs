@@ -166,7 +166,7 @@ fn eigenvalues_of_the_scene_are_within_their_errors_and_those_of_the_matrix_too_
         let mut other =
             Retraced { tracer: &mut tracer, settings: with_other_seed(&used), channels: Channels::Luma };
         let products = other.estimated_products(Part::Global, 0, &asked).expect("the patterns fit");
-        let estimates = eigenpair_estimates(&found, &products).expect("the pairs are real");
+        let estimates = eigenpair_estimates(&found, &products, 1.0).expect("the pairs are real");
         for (index, estimate) in estimates.iter().enumerate() {
             let exact = truth.values[index];
             squares += ((estimate.value - exact) / estimate.standard_error).powi(2);

@@ -3,7 +3,7 @@
 use std::f64::consts::SQRT_2;
 use std::sync::{Arc, Mutex};
 
-use super::{Predicted, photos_compared};
+use super::{AS_A_RIG_STATES, Light, Predicted, photos_compared};
 use crate::analysis::Compensation;
 use crate::error::Result;
 use crate::image::Image;
@@ -13,6 +13,7 @@ use crate::lab::source::Source;
 use crate::lab::transport::LightTransport;
 use crate::lab::{Lab, LabOperator, Verified};
 use crate::operator::Operator;
+use crate::render::TraceSettings;
 use crate::transport::{EstimatedProduct, Part, Question, Retraced, pooled, with_other_seed};
 
 impl Lab {
@@ -30,24 +31,29 @@ impl Lab {
         Ok(Some((0..self.channels.count()).map(operator).collect()))
     }
 
-    /// Products by light that is independent of the answer, if such light exists.
-    pub(in crate::lab) fn independent(
+    /// Products by light that is independent of the answer, if such light exists. For a scene, `paths` makes the settings of the check from
+    /// those of the run. The check then has another seed as well.
+    pub(super) fn independent(
         &mut self,
         part: Part,
         channel: usize,
         asked: &[Question<'_>],
-    ) -> Result<Option<(Independent, Vec<EstimatedProduct>)>> {
+        paths: fn(&TraceSettings) -> TraceSettings,
+    ) -> Result<Option<(Light, Vec<EstimatedProduct>)>> {
         match &self.source {
             Source::Scene(scene) => {
                 let mut tracer = scene.tracer();
-                let settings = with_other_seed(&scene.settings);
+                let settings = with_other_seed(&paths(&scene.settings));
                 // The noise is estimated from two halves of the samples, so at least two samples are necessary.
                 if settings.samples < 2 {
                     return Ok(None);
                 }
                 let mut retraced = Retraced { tracer: &mut tracer, settings, channels: self.channels };
                 let products = retraced.estimated_products(part, channel, asked)?;
-                Ok(Some((Independent::AnotherSeed, products)))
+                // The variance of independent samples is inversely proportional to their number. The variance of Sobol points falls
+                // faster, so the noise of the run may be smaller than this, but not larger.
+                let own = f64::from(settings.samples) / f64::from(scene.settings.samples);
+                Ok(Some((Light { by: Independent::AnotherSeed, own }, products)))
             }
             Source::Rig(_) => {
                 let mut operator = self.channel_operator(part, channel)?;
@@ -58,7 +64,7 @@ impl Lab {
                     Ok(EstimatedProduct { error: vec![error; product.len()], product, quadratic: None })
                 };
                 let products = asked.iter().map(photo).collect::<Result<_>>()?;
-                Ok(Some((Independent::AnotherPhoto, products)))
+                Ok(Some((Light { by: Independent::AnotherPhoto, own: AS_A_RIG_STATES }, products)))
             }
             Source::Run(_) | Source::Model(_) | Source::Matrix(_) => Ok(None),
         }
@@ -77,7 +83,7 @@ impl Lab {
             let rounding = rig.measurement.rounding(&found.pattern)?;
             predicted.iter_mut().zip(rounding).for_each(|(one, norm)| one.stated = SQRT_2 * norm);
         }
-        let Some((by, products)) = self.photo_of(&found.pattern, &predicted)? else { return Ok(None) };
+        let Some((light, products)) = self.photo_of(&found.pattern, &predicted)? else { return Ok(None) };
         let [mut off, mut size] = [0.0; 2];
         for (target, product) in target.iter().zip(&products) {
             let squares = product.squares(&target.photo);
@@ -93,9 +99,9 @@ impl Lab {
         let errors: Vec<Vec<f64>> = products.iter().map(|product| product.error.clone()).collect();
         let errors = Image::from_planes(resolution, &errors)?;
         // The photo of a rig states standard errors. Light paths give a single draw of the error, so their errors are pooled.
-        let standard_error = if by == Independent::AnotherSeed { pooled(&errors)? } else { errors };
-        let compared = photos_compared(by, &predicted, &products);
-        let verification = self.checked(by, "the photo of the compensation", &compared, |_| None);
+        let standard_error = if light.by == Independent::AnotherSeed { pooled(&errors)? } else { errors };
+        let compared = photos_compared(light, &predicted, &products);
+        let verification = self.checked(light.by, "the photo of the compensation", &compared, |_| None);
         let residual = (off.max(0.0) / size).sqrt();
         Ok(verification.map(|verification| Verified {
             residual: Some(residual),
@@ -109,7 +115,7 @@ impl Lab {
         &mut self,
         pattern: &Image,
         predicted: &[Predicted],
-    ) -> Result<Option<(Independent, Vec<EstimatedProduct>)>> {
+    ) -> Result<Option<(Light, Vec<EstimatedProduct>)>> {
         if !matches!(self.source, Source::Rig(_)) {
             return self.products_of(Part::Full, predicted);
         }
@@ -118,7 +124,7 @@ impl Lab {
         let product =
             |(product, error): (Vec<f64>, Vec<f64>)| EstimatedProduct { product, error, quadratic: None };
         Ok(Some((
-            Independent::AnotherPhoto,
+            Light { by: Independent::AnotherPhoto, own: AS_A_RIG_STATES },
             photo.planes().into_iter().zip(errors.planes()).map(product).collect(),
         )))
     }

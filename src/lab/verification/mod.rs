@@ -23,17 +23,26 @@ use crate::image::{Image, Resolution};
 use crate::io::manifest::{CheckVerdict, Independent, Verification};
 use crate::krylov::{Eigs, Start};
 use crate::operator::Operator;
-use crate::transport::{EstimatedProduct, Part, Question, Squares};
+use crate::render::TraceSettings;
+use crate::transport::{EstimatedProduct, Part, Question, Squares, with_fewer_samples};
 
-/// The variance of a prediction's noise relative to that of the independent photo, if both use the same number of light paths.
+/// [`Light::own`] of as many light paths with another seed.
 const AS_MANY_PATHS: f64 = 1.0;
 
-/// The same ratio for two photos of a rig. The standard errors that a rig states are correct to a factor of 1.3 (`stated_errors_of_rigs`),
+/// [`Light::own`] of a photo of a rig. The standard errors that a rig states are correct to a factor of 1.3 (`stated_errors_of_rigs`),
 /// so the sum of both variances may be 1.3² times the sum of the stated variances.
 const AS_A_RIG_STATES: f64 = 2.0 * 1.3 * 1.3 - 1.0;
 
 /// In 999 of 1000 cases, a sum of residuals with random signs is at most this factor times the root of the sum of their squares.
 const SIGNED: f64 = 3.3;
+
+/// Light that is independent of an answer.
+#[derive(Clone, Copy)]
+struct Light {
+    by: Independent,
+    /// The variance of a prediction's noise, relative to that of a photo by this light.
+    own: f64,
+}
 
 /// A pattern and the photo that an answer predicts for it, in one channel.
 struct Predicted {
@@ -96,7 +105,8 @@ impl Lab {
             shifts: &vec![0.0; count],
             residuals: &found.residuals,
         };
-        let checked = self.verify_pairs(part, &pairs, |products| eigenpair_estimates(found, products))?;
+        let checked =
+            self.verify_pairs(part, &pairs, |own, products| eigenpair_estimates(found, products, own))?;
         Ok(checked.map(|(verified, ..)| verified))
     }
 
@@ -119,7 +129,7 @@ impl Lab {
         let vectors = &found.eigenvectors[1..];
         let pairs = Eigenpairs { vectors, values, weights: &weights, shifts: values, residuals };
         let checked =
-            self.verify_pairs(part, &pairs, |products| cut_estimates(values, residuals, products))?;
+            self.verify_pairs(part, &pairs, |own, products| cut_estimates(values, residuals, products, own))?;
         let Some((mut verified, photos, products)) = checked else { return Ok(None) };
         let [claimed, seen] = coordinates(found, &pairs, (&photos, &products));
         for (groups, labels) in &found.labels {
@@ -149,7 +159,7 @@ impl Lab {
         &mut self,
         part: Part,
         pairs: &Eigenpairs<'_>,
-        estimates: impl FnOnce(&[EstimatedProduct]) -> Option<Vec<EigenpairEstimate>>,
+        estimates: impl FnOnce(f64, &[EstimatedProduct]) -> Option<Vec<EigenpairEstimate>>,
     ) -> Result<Option<PairsWithPhotos>> {
         let sum = match self.source {
             Source::Scene(_) => None,
@@ -159,13 +169,14 @@ impl Lab {
             None => pairs.questions(),
             Some(sum) => vec![Question { pattern: &sum.pattern, shift: 0.0 }],
         };
-        let Some((by, mut products)) = self.independent(part, 0, &asked)? else { return Ok(None) };
+        let found = self.independent(part, 0, &asked, with_fewer_samples)?;
+        let Some((light, mut products)) = found else { return Ok(None) };
         for product in &mut products {
             let entries = product.product.iter_mut().zip(&mut product.error).zip(pairs.weights);
             entries.filter(|(_, weight)| **weight == 0.0).for_each(|((y, e), _)| (*y, *e) = (0.0, 0.0));
         }
         let (photos, estimates): (Vec<Vec<f64>>, Vec<EigenpairEstimate>) = match &sum {
-            None => (pairs.photos().collect(), estimates(&products).unwrap_or_default()),
+            None => (pairs.photos().collect(), estimates(light.own, &products).unwrap_or_default()),
             Some(sum) => (vec![sum.photo.clone()], Vec::new()),
         };
         let stated = match &sum {
@@ -173,10 +184,10 @@ impl Lab {
             Some(sum) => &[sum.stated],
         };
         let compared = |((photo, product), &stated): ((&Vec<f64>, &EstimatedProduct), &f64)| {
-            of_product(by, &pairs.normalized(product), &pairs.unit(photo), stated)
+            of_product(light, &pairs.normalized(product), &pairs.unit(photo), stated)
         };
         let compared: Vec<Compared> = photos.iter().zip(&products).zip(stated).map(compared).collect();
-        let verification = self.checked(by, "photos of the eigenvectors", &compared, |at| {
+        let verification = self.checked(light.by, "photos of the eigenvectors", &compared, |at| {
             // The quotient of an eigenvector is the fraction of light that it keeps. It shows whether the vector is only matrix noise.
             let estimate: &EigenpairEstimate = estimates.get(at)?;
             let [kept, error] = estimate.quotient;
@@ -202,13 +213,13 @@ impl Lab {
             return self.verify(Part::Full, of, &predicted);
         }
         // Each relit photo was already compared with independent light.
-        let by = Independent::AnotherSeed;
+        let light = Light { by: Independent::AnotherSeed, own: AS_MANY_PATHS };
         let comparisons = relit.iter().filter_map(|relit| {
             let squares = relit.comparison?;
-            Some(compared(by, squares, relit.stated.value().unwrap_or(0.0) * squares.product.sqrt()))
+            Some(compared(light, squares, relit.stated.value().unwrap_or(0.0) * squares.product.sqrt()))
         });
         let comparisons: Vec<Compared> = comparisons.collect();
-        Ok(self.checked(by, of, &comparisons, |_| None))
+        Ok(self.checked(light.by, of, &comparisons, |_| None))
     }
 
     /// Verifies a separation with the photo of a checkerboard whose squares are three pixels wide. The photo shows the direct light of the
@@ -265,8 +276,8 @@ impl Lab {
     }
 
     fn verify(&mut self, part: Part, of: &str, predicted: &[Predicted]) -> Result<Option<Verification>> {
-        let Some((by, products)) = self.products_of(part, predicted)? else { return Ok(None) };
-        Ok(self.checked(by, of, &photos_compared(by, predicted, &products), |_| None))
+        let Some((light, products)) = self.products_of(part, predicted)? else { return Ok(None) };
+        Ok(self.checked(light.by, of, &photos_compared(light, predicted, &products), |_| None))
     }
 
     /// Independent photos of the patterns. The patterns must be in ascending order of channel.
@@ -274,18 +285,19 @@ impl Lab {
         &mut self,
         part: Part,
         predicted: &[Predicted],
-    ) -> Result<Option<(Independent, Vec<EstimatedProduct>)>> {
-        let (mut products, mut by) = (Vec::with_capacity(predicted.len()), None);
+    ) -> Result<Option<(Light, Vec<EstimatedProduct>)>> {
+        let (mut products, mut light) = (Vec::with_capacity(predicted.len()), None);
         for of_channel in predicted.chunk_by(|a, b| a.channel == b.channel) {
             let asked: Vec<Question<'_>> =
                 of_channel.iter().map(|one| Question { pattern: &one.pattern, shift: 0.0 }).collect();
-            let Some((light, found)) = self.independent(part, of_channel[0].channel, &asked)? else {
-                return Ok(None);
-            };
-            by = Some(light);
+            // Few pixels may carry the noise of a photo under all light, as behind a mirror, and half as many paths would then miss errors
+            // of twice the noise. The photo of a compensation is also shown.
+            let found = self.independent(part, of_channel[0].channel, &asked, TraceSettings::clone)?;
+            let Some((by, found)) = found else { return Ok(None) };
+            light = Some(by);
             products.extend(found);
         }
-        Ok(by.map(|by| (by, products)))
+        Ok(light.map(|light| (light, products)))
     }
 
     /// Judges the comparisons of photos, and records the verification in the open run. `cause` explains the largest deviation. Returns
@@ -327,24 +339,21 @@ impl Lab {
 }
 
 /// Compares one predicted photo with the independent one, from their sums of squares.
-fn compared(by: Independent, squares: Squares, stated: f64) -> Compared {
-    let (own, is_frozen) = match by {
-        Independent::AnotherSeed => (AS_MANY_PATHS, true),
-        Independent::AnotherPhoto => (AS_A_RIG_STATES, false),
-    };
-    Compared { squares, own, stated, is_frozen, signs: None }
+fn compared(light: Light, squares: Squares, stated: f64) -> Compared {
+    let is_frozen = light.by == Independent::AnotherSeed;
+    Compared { squares, own: light.own, stated, is_frozen, signs: None }
 }
 
 /// Compares a predicted photo with an independent product. For light paths, the errors of the product are random draws of its noise.
-fn of_product(by: Independent, product: &EstimatedProduct, photo: &[f64], stated: f64) -> Compared {
-    let compared = compared(by, product.squares(photo), stated);
+fn of_product(light: Light, product: &EstimatedProduct, photo: &[f64], stated: f64) -> Compared {
+    let compared = compared(light, product.squares(photo), stated);
     let signs = compared.is_frozen.then(|| product.signs(photo, compared.own, compared.allowed()));
     Compared { signs, ..compared }
 }
 
-fn photos_compared(by: Independent, predicted: &[Predicted], products: &[EstimatedProduct]) -> Vec<Compared> {
+fn photos_compared(light: Light, predicted: &[Predicted], products: &[EstimatedProduct]) -> Vec<Compared> {
     let each = predicted.iter().zip(products);
-    each.map(|(one, product)| of_product(by, product, &one.photo, one.stated)).collect()
+    each.map(|(one, product)| of_product(light, product, &one.photo, one.stated)).collect()
 }
 
 /// The coordinates of pixels by the segmentation, and by independent light. The axes are the eigenvectors, or the one sum of them that a
@@ -428,4 +437,34 @@ impl Eigenpairs<'_> {
 fn checkerboard(size: Resolution, square: usize) -> Vec<f64> {
     let value = |pixel: usize| (pixel % size.width / square + pixel / size.width / square) % 2;
     (0..size.pixels()).map(|pixel| value(pixel) as f64).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::builtin;
+
+    /// The noise of the run is the noise of as many paths with the other seed.
+    #[test]
+    fn the_noise_of_a_run_relative_to_its_check_follows_from_the_numbers_of_paths() -> Result<()> {
+        for (size, expected) in [(12, 1.0), (64, 0.25)] {
+            let scene = builtin::zigzag().to_scene();
+            let mut lab = Lab::builder_of_scene(scene).size(size, size).samples(32).open()?;
+            let pattern = vec![1.0; size * size];
+            let asked = [Question { pattern: &pattern, shift: 0.0 }];
+            let mut of =
+                |paths: fn(&TraceSettings) -> TraceSettings| lab.independent(Part::Global, 0, &asked, paths);
+            let (Some((run, of_run)), Some((check, of_check))) =
+                (of(TraceSettings::clone)?, of(with_fewer_samples)?)
+            else {
+                unreachable!("a scene has other light")
+            };
+            assert_eq!((run.own, check.own), (AS_MANY_PATHS, expected));
+            let noise = |of: &[EstimatedProduct]| norm(&of[0].error).powi(2);
+            let ratio = noise(&of_run) / noise(&of_check) / expected;
+            // Sobol points make the ratio up to a tenth smaller here, and each sum of 4096 squares has an error of some percent.
+            assert!((0.75..1.15).contains(&ratio), "{ratio}");
+        }
+        Ok(())
+    }
 }

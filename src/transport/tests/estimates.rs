@@ -3,7 +3,7 @@
 
 use crate::image::Resolution;
 use crate::render::TraceSettings;
-use crate::transport::{EstimatedProduct, Squares, with_other_seed};
+use crate::transport::{EstimatedProduct, Squares, with_fewer_samples, with_other_seed};
 
 #[test]
 fn the_excess_is_what_noise_and_allowed_errors_leave_in_standard_errors() {
@@ -80,4 +80,30 @@ fn another_seed_is_never_the_same_and_its_own_other_is() {
         assert!(other.seed != seed && with_other_seed(&other) == settings);
         assert_eq!(TraceSettings { seed, ..other }, settings, "nothing else differs");
     }
+}
+
+#[test]
+fn a_check_has_fewer_samples_for_more_pixels_and_enough_to_tell_its_noise() {
+    let samples = |size: usize, samples: u32, projector: Option<Resolution>| {
+        let settings =
+            TraceSettings { projector, ..TraceSettings::new(Resolution::new(size, size), samples) };
+        let fewer = with_fewer_samples(&settings);
+        assert_eq!(TraceSettings { samples, ..fewer }, settings, "nothing else differs");
+        fewer.samples
+    };
+    let of = [
+        (1, 64),
+        (16, 64),
+        (24, 64),
+        (32, 64),
+        (64, 64),
+        (128, 64),
+        (128, 16),
+        (1024, 64),
+        (128, 3),
+        (128, 1),
+    ];
+    let expected = [64, 64, 43, 32, 16, 8, 4, 4, 3, 1];
+    assert_eq!(of.map(|(size, count)| samples(size, count, None)), expected);
+    assert_eq!(samples(128, 64, Some(Resolution::new(64, 64))), 64, "a projector with pixels of its own");
 }
