@@ -167,15 +167,20 @@ impl Gpu {
     /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, an adapter of the fastest kind. `turn` selects one of
     /// several equal adapters.
     pub(crate) fn open(wanted: Option<&str>, turn: usize) -> Result<Self> {
-        let on_gpu = Driver::with(Some(MEMORY_SHARE), |driver| {
-            let index = driver.choose(wanted, turn)?;
-            let is_processor = AdapterSummary::of(&driver.adapters[index]).is_processor();
-            if is_processor { Ok(None) } else { driver.device(index).map(Some) }
-        })?;
-        match on_gpu {
+        let open = |share: Option<u8>| {
+            Driver::with(share, |driver| {
+                let index = driver.choose(wanted, turn)?;
+                // Software Vulkan uses the machine's memory, which it shares with other programs, so only the operating system limits it.
+                let is_processor = AdapterSummary::of(&driver.adapters[index]).is_processor();
+                if is_processor == share.is_none() { driver.device(index).map(Some) } else { Ok(None) }
+            })
+        };
+        // The likely kind is tried first, since each kind loads the driver once more.
+        let [first, second] =
+            if may_have_gpu() { [Some(MEMORY_SHARE), None] } else { [None, Some(MEMORY_SHARE)] };
+        match open(first)? {
             Some(gpu) => Ok(gpu),
-            // Software Vulkan uses the machine's memory, which it shares with other programs, so only the operating system limits it.
-            None => Driver::with(None, |driver| driver.device(driver.choose(wanted, turn)?)),
+            None => open(second)?.ok_or_else(no_adapter),
         }
     }
 
@@ -272,11 +277,18 @@ impl Gpu {
 
 /// All adapters of this machine. The list may be empty. Fails with [`Error::Device`] if this process has too little address space.
 pub(crate) fn adapters() -> Result<Vec<AdapterSummary>> {
-    Driver::with(Some(MEMORY_SHARE), |driver| Ok(driver.adapters.iter().map(AdapterSummary::of).collect()))
+    let share = may_have_gpu().then_some(MEMORY_SHARE);
+    Driver::with(share, |driver| Ok(driver.adapters.iter().map(AdapterSummary::of).collect()))
 }
 
 pub(crate) fn no_adapter() -> Error {
     Error::NoAdapter { detail: String::new(), help: INSTALL.into() }
+}
+
+/// Whether a GPU may be in this machine. On Linux, the driver of each GPU makes one of these files.
+fn may_have_gpu() -> bool {
+    let files = ["/dev/dri", "/dev/nvidiactl", "/dev/nvidia0", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
+    cfg!(not(target_os = "linux")) || files.iter().any(|file| std::path::Path::new(file).exists())
 }
 
 /// Checks that `ulimit -v` leaves a graphics driver enough address space. With too little, the driver may end the process without a
