@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_buffer_is_used_again_by_whoever_needs_one_of_its_size() {
+    fn a_buffer_is_used_again_for_the_next_one_of_its_size() {
         let gpu = Gpu::open(None, 0).expect("the README's test command installs a Vulkan driver");
         // A device of its own, whose buffers no other test takes.
         let gpu = Gpu { kept: Arc::default(), ..gpu };
