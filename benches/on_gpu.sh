@@ -1,5 +1,5 @@
 #!/bin/bash
-# Checks and measures krylux on a machine with a GPU but without a toolchain, in a few minutes:
+# Checks and measures krylux on a machine with a GPU that has no compiler, in a few minutes:
 #
 #   benches/on_gpu.sh collect FOLDER    builds the program, its tests and the benchmark here, and copies them to FOLDER
 #   benches/on_gpu.sh run FOLDER        runs them there, from the root of the repository
