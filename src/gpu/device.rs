@@ -100,8 +100,11 @@ struct Driver {
     devices: HashMap<usize, Gpu>,
 }
 
-/// The drivers of this process. Their devices use at most a share of the memory, in per cent, or as much as they can.
-static DRIVERS: Mutex<Vec<(Option<u8>, Driver)>> = Mutex::new(Vec::new());
+/// The drivers of this process, by its number and by the share of the memory that their devices use at most, in per cent. A forked child
+/// inherits those of its parent, which work in the parent only; it loads its own.
+static DRIVERS: Mutex<Vec<(DriverOf, Driver)>> = Mutex::new(Vec::new());
+
+type DriverOf = (u32, Option<u8>);
 
 impl Driver {
     fn new(share: Option<u8>) -> Self {
@@ -129,10 +132,11 @@ impl Driver {
     fn with<T>(share: Option<u8>, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
         require_address_space(machine::address_space())?;
         let mut drivers = DRIVERS.lock().unwrap_or_else(PoisonError::into_inner);
-        let index = match drivers.iter().position(|(of, _)| *of == share) {
+        let wanted = (std::process::id(), share);
+        let index = match drivers.iter().position(|(of, _)| *of == wanted) {
             Some(index) => index,
             None => {
-                drivers.push((share, Self::new(share)));
+                drivers.push((wanted, Self::new(share)));
                 drivers.len() - 1
             }
         };
