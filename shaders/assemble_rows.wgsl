@@ -97,14 +97,11 @@ fn exchange_global(a: u32, b: u32) {
 fn sort_global(row_start: u32, lane: u32, count: u32) {
     for (var run = 2u; run < 2u * count; run *= 2u) {
         for (var apart = run / 2u; apart > 0u; apart /= 2u) {
-            let rest = count % (2u * apart);
-            let pairs = (count - rest) / 2u + min(rest, apart);
-            for (var pair = lane; pair < pairs; pair += LANES) {
-                let low = pair & (apart - 1u);
-                let a = (pair - low) * 2u + low;
-                let b = select(a + apart, a + 2u * (apart - low) - 1u, 2u * apart == run);
-                if (b < count && key_at(row_start, a) > key_at(row_start, b)) {
-                    exchange_global(row_start + a, row_start + b);
+            let pairs = pairs_of_step(apart, count);
+            for (var number = lane; number < pairs; number += LANES) {
+                let pair = pair_of_step(number, apart, run);
+                if (pair.y < count && key_at(row_start, pair.x) > key_at(row_start, pair.y)) {
+                    exchange_global(row_start + pair.x, row_start + pair.y);
                 }
             }
             storageBarrier();

@@ -30,19 +30,30 @@ fn sorted_place(at: u32) -> u32 {
     return places[at];
 }
 
-// Sorts the first `count` elements. All lanes call it, after a barrier. All merges ascend: the first step of a merge compares
-// an element with its mirror image in the other half, so that elements beyond the end would never move.
+// A step of the network compares elements that are `apart`, in runs of `run` elements that are being merged. All merges ascend:
+// the first step of a merge compares an element with its mirror image in the other half, so that elements beyond the end
+// would never move. Of a step among `count` elements, this is the number of pairs that may lie before the end.
+fn pairs_of_step(apart: u32, count: u32) -> u32 {
+    let rest = count % (2u * apart);
+    return (count - rest) / 2u + min(rest, apart);
+}
+
+// The elements of a pair, the lower one first.
+fn pair_of_step(pair: u32, apart: u32, run: u32) -> vec2u {
+    let low = pair & (apart - 1u);
+    let a = (pair - low) * 2u + low;
+    return vec2u(a, select(a + apart, a + 2u * (apart - low) - 1u, 2u * apart == run));
+}
+
+// Sorts the first `count` elements. All lanes call it, after a barrier.
 fn sort(lane: u32, count: u32) {
     for (var run = 2u; run < 2u * count; run *= 2u) {
         for (var apart = run / 2u; apart > 0u; apart /= 2u) {
-            let rest = count % (2u * apart);
-            let pairs = (count - rest) / 2u + min(rest, apart);
-            for (var pair = lane; pair < pairs; pair += LANES) {
-                let low = pair & (apart - 1u);
-                let a = (pair - low) * 2u + low;
-                let b = select(a + apart, a + 2u * (apart - low) - 1u, 2u * apart == run);
-                if (b < count) {
-                    order(a, b);
+            let pairs = pairs_of_step(apart, count);
+            for (var number = lane; number < pairs; number += LANES) {
+                let pair = pair_of_step(number, apart, run);
+                if (pair.y < count) {
+                    order(pair.x, pair.y);
                 }
             }
             workgroupBarrier();

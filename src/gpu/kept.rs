@@ -1,4 +1,4 @@
-//! Things that are made once for a device and kept as long as it is open: compiled kernels, and the buffers through which the host reads.
+//! Things that are made once for a device and kept as long as it is open, such as compiled kernels; and large reads from its memory.
 
 use std::any::{Any, TypeId};
 use std::collections::HashMap;
@@ -32,9 +32,6 @@ const LEAST: u64 = 64 << 10;
 /// The number of elements that a task copies.
 const TASK: usize = 1 << 16;
 
-/// Two staging buffers.
-type Staging = [wgpu::Buffer; 2];
-
 /// A part of a buffer that is transferred at once: the buffer's number, the part's first byte, and its bytes.
 type Piece = (usize, u64, u64);
 
@@ -55,13 +52,6 @@ impl Gpu {
         Ok(made)
     }
 
-    /// Takes what was kept under `name`, so that only the caller has it.
-    fn take<T: 'static>(&self, name: &str) -> Option<T> {
-        let key = (TypeId::of::<T>(), name.to_owned());
-        let found = self.kept.things.lock().unwrap_or_else(PoisonError::into_inner).remove(&key)?;
-        found.downcast().ok().map(|found| *found)
-    }
-
     /// Reads the first elements of a buffer, after all submitted work.
     pub(crate) fn read<T: Pod + Send + Sync>(&self, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
         let mut found = self.read_all(&[(buffer, count)])?;
@@ -76,14 +66,9 @@ impl Gpu {
         let size = size_of::<T>() as u64;
         let batches = batches(&buffers.iter().map(|&(_, count)| count as u64 * size).collect::<Vec<_>>());
         let largest = batches.iter().map(|batch| batch.iter().map(|piece| piece.2).sum()).max().unwrap_or(0);
-        let staging = match self.take::<Staging>("staging").filter(|[one, _]| one.size() >= largest) {
-            Some(staging) => staging,
-            None => {
-                let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
-                let bytes = largest.next_power_of_two().max(LEAST);
-                [self.buffer("read-back", bytes, usage)?, self.buffer("read-back", bytes, usage)?]
-            }
-        };
+        let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
+        let lend = || self.lend("read-back", largest.next_power_of_two().max(LEAST), usage);
+        let staging = [lend()?, lend()?];
         let mut found: Vec<Vec<T>> = buffers.iter().map(|&(_, count)| vec![T::zeroed(); count]).collect();
         let mut before = None;
         for (batch, staging) in batches.iter().zip(staging.iter().cycle()) {
@@ -106,8 +91,6 @@ impl Gpu {
         if let Some((results, request, batch)) = before {
             self.deliver(&results, request, batch, &mut found)?;
         }
-        // Another thread may have kept its buffers meanwhile; one pair is enough.
-        self.kept("staging", || Ok(staging))?;
         Ok(found)
     }
 

@@ -59,13 +59,19 @@ impl Gpu {
 
     /// A storage buffer of at least this many bytes, for a kernel that writes before it reads: its contents are those of an earlier use.
     pub(crate) fn scratch(&self, label: &str, bytes: u64) -> Result<Lent> {
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        self.lend(label, bytes, usage)
+    }
+
+    /// Works like [`Gpu::scratch`], for another usage.
+    pub(super) fn lend(&self, label: &str, bytes: u64, usage: BufferUsages) -> Result<Lent> {
         let mut waiting = self.kept.waiting.lock();
         // A much larger buffer may be needed elsewhere.
-        let fits = |buffer: &wgpu::Buffer| (bytes..=2 * bytes.max(1 << 16)).contains(&buffer.size());
+        let sizes = bytes..=2 * bytes.max(1 << 16);
+        let fits = |buffer: &wgpu::Buffer| buffer.usage() == usage && sizes.contains(&buffer.size());
         let best = (0..waiting.len()).filter(|&at| fits(&waiting[at])).min_by_key(|&at| waiting[at].size());
         let found = best.map(|at| waiting.remove(at));
         drop(waiting);
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         let buffer = match found {
             Some(buffer) => buffer,
             None => self.buffer(label, bytes.next_multiple_of(4).max(4), usage)?,

@@ -55,13 +55,8 @@ pub struct Batch<'a> {
 }
 
 impl<'a> Batch<'a> {
-    pub(super) fn new(first_path: u64, layout: RecordLayout, records: &'a [[u32; 4]]) -> Self {
+    pub(crate) fn new(first_path: u64, layout: RecordLayout, records: &'a [[u32; 4]]) -> Self {
         Self { first_path, layout, paths: records.len() / layout.stride(), records }
-    }
-
-    /// Known records of all paths, for the self-test of a device.
-    pub(crate) fn known(layout: RecordLayout, records: &'a [[u32; 4]]) -> Self {
-        Self::new(0, layout, records)
     }
 
     pub(crate) fn recorded(&self) -> Recorded {

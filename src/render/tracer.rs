@@ -198,7 +198,8 @@ impl Tracer {
     }
 
     /// Measures the time of all work on the device during `work`, by the device's own clock: what each pass does (`tracing`, `products`, or
-    /// the kernel of an assembly), and its time. At most 2,048 passes are timed. Fails like `work`, or with [`Error::Device`] if the driver has no timestamps.
+    /// the kernel of an assembly), and its time. At most 2,048 passes are timed. Fails like `work`, or with [`Error::Device`] if the driver
+    /// has no timestamps.
     pub fn timed<T>(
         &mut self,
         work: impl FnOnce(&mut Self) -> Result<T>,

@@ -114,7 +114,6 @@ struct Assembling<'a> {
     limits: Limits,
     rig: RigShape,
     channels: Channels,
-    samples: u32,
     split: bool,
     classes: ClassRange,
     /// The parameters that all steps have in common.
@@ -156,6 +155,8 @@ impl<'a> Assembling<'a> {
         let [mean, ..] = Halves::new(samples, samples).weights();
         let halves = |index: usize| divisions.get(index).map_or(0, |division| division.parts_of_first_half);
         let base = Assembly {
+            luminance: crate::image::LUMINANCE.map(|share| share as f32),
+            split: u32::from(is_split),
             mean: split(mean),
             error_high: errors.map(|[high, _]| high),
             error_low: errors.map(|[_, low]| low),
@@ -166,12 +167,12 @@ impl<'a> Assembling<'a> {
             first_halves: [halves(0), halves(1)],
             ..Assembly::default()
         };
-        Ok(Self { gpu, kernels, limits, rig, channels, samples, split: is_split, classes, base })
+        Ok(Self { gpu, kernels, limits, rig, channels, split: is_split, classes, base })
     }
 
     fn parts(&self) -> Result<Parts> {
         let of = (self.channels.count(), self.rig);
-        Parts::new(self.gpu, self.kernels.clone(), self.limits, of, (self.samples, self.split))
+        Parts::new(self.gpu, self.kernels.clone(), self.limits, of, self.base)
     }
 
     /// Submits the sums of direct and ambient light and of the paths' costs.

@@ -6,7 +6,7 @@ use std::ops::Range;
 use wgpu::BufferUsages;
 
 use super::Limits;
-use super::kernels::{Assembly, Kernels, MOST_OF_PART, Step, split};
+use super::kernels::{Assembly, Kernels, MOST_OF_PART, Step};
 use super::rows::too_many;
 use crate::error::{Error, Result};
 use crate::gpu::buffers::{Readback, Results};
@@ -14,7 +14,6 @@ use crate::gpu::{Gpu, Lent};
 use crate::render::{Consumer, RecordLayout, ResidentPaths};
 use crate::transport::RigShape;
 use crate::transport::contributions::CLASSES;
-use crate::transport::noise::Halves;
 
 /// How the samples of a pixel are divided into parts. Each part lies within one half of the samples, and has at most [`MOST_OF_PART`]
 /// contributions.
@@ -141,8 +140,8 @@ pub(super) struct Parts {
     limits: Limits,
     channels: usize,
     rig: RigShape,
-    samples: u32,
-    is_split: bool,
+    /// The parameters that all steps have in common.
+    base: Assembly,
     /// The number of terms of each row of the matrix, and then of each row of its transpose if the rig is not symmetric.
     pub(super) counts: wgpu::Buffer,
     pub(super) endpoints: Vec<Endpoint>,
@@ -159,7 +158,7 @@ impl Parts {
         kernels: Kernels,
         limits: Limits,
         (channels, rig): (usize, RigShape),
-        (samples, is_split): (u32, bool),
+        base: Assembly,
     ) -> Result<Self> {
         let rows = rig.camera.pixels() + if rig.symmetric { 0 } else { rig.projector.pixels() };
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
@@ -168,19 +167,7 @@ impl Parts {
         let slots = (0..2).map(slot).collect::<Result<_>>()?;
         let (endpoints, in_flight) = (Vec::new(), VecDeque::new());
         let finished = 0;
-        Ok(Self {
-            kernels,
-            limits,
-            channels,
-            rig,
-            samples,
-            is_split,
-            counts,
-            endpoints,
-            slots,
-            in_flight,
-            finished,
-        })
+        Ok(Self { kernels, limits, channels, rig, base, counts, endpoints, slots, in_flight, finished })
     }
 
     fn current(&self) -> &Endpoint {
@@ -220,32 +207,21 @@ impl Consumer for Parts {
                 u32::MAX
             )));
         }
-        let classes = ClassRange::of(layout.direct, self.is_split);
-        let [mean, first, second] = Halves::new(self.samples, layout.samples).weights();
-        let [first, second] = [first, second].map(split);
         // The numbers of the counts of the camera's pixels come first, and then those of the projector's.
         let after = if self.rig.symmetric { 0 } else { self.rig.camera.pixels() as u32 };
         let base = Assembly {
-            luminance: crate::image::LUMINANCE.map(|share| share as f32),
-            mean: split(mean),
-            error_high: [first[0], second[0], 0.0, 0.0],
-            error_low: [first[1], second[1], 0.0, 0.0],
             samples: division.samples,
             first_half: division.first_half,
             samples_of_part: division.samples_of_part,
             parts_of_pixel: division.parts_of_pixel,
             parts_of_first_half: division.parts_of_first_half,
             max_bounces: layout.max_bounces,
-            direct: u32::from(layout.direct),
             gathers: u32::from(layout.gathers),
             ambient: u32::from(layout.ambient),
             stride: layout.stride() as u32,
-            split: u32::from(self.is_split),
-            lowest_class: classes.lowest,
-            class_bits: classes.bits(),
             own_base: if layout.from_camera { 0 } else { after },
             other_base: if layout.from_camera { after } else { 0 },
-            ..Assembly::default()
+            ..self.base
         };
         let heads = if layout.direct || layout.ambient { 2 * parts * self.channels as u64 } else { 1 };
         let endpoint = Endpoint {

@@ -113,7 +113,7 @@ impl Known {
         let made = assembly.finish(&parts)?;
         let summary = TraceSummary { rays: made.rays, paths: u64::from(paths), ..TraceSummary::default() };
         let device = Assembled { summary, ..made.assembled };
-        let batch = Batch::known(self.layout, &records);
+        let batch = Batch::new(0, self.layout, &records);
         let host = match self.channels {
             Channels::Luma => {
                 of_share(Share::<1>::of_batch(&batch, rig, self.split), rig, self.channels, self.split)
