@@ -119,6 +119,51 @@ impl Csr {
         (0..self.rows()).map(own).collect()
     }
 
+    /// The entries on the diagonal alone. Fails only for a malformed matrix.
+    pub fn only_diagonal(&self) -> Result<Self> {
+        let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
+        for (row, value) in self.diagonal().into_iter().enumerate() {
+            if value != 0.0 {
+                columns.push(row as u32);
+                weights.push(value);
+            }
+            row_start.push(columns.len());
+        }
+        Self::new(self.cols, row_start, columns, weights)
+    }
+
+    /// The sum of `factor · matrix` over all terms, added in order. Entries that are zero are dropped.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] if the matrices have different shapes.
+    pub fn sum(terms: &[(f64, &Self)]) -> Result<Self> {
+        let shape = terms.first().map_or([0; 2], |(_, matrix)| [matrix.rows(), matrix.cols]);
+        let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
+        if let Some((_, other)) = terms.iter().find(|(_, matrix)| [matrix.rows(), matrix.cols] != shape) {
+            let [expected, found] =
+                [shape, [other.rows(), other.cols]].map(|[rows, cols]| format!("{rows}x{cols}"));
+            return Err(Error::dimension("rows and columns of a term", expected, found));
+        }
+        let mut entries: Vec<(u32, f64)> = Vec::new();
+        for row in 0..shape[0] {
+            entries.clear();
+            for (factor, matrix) in terms {
+                let (of_row, values) = matrix.row(row);
+                entries.extend(of_row.iter().copied().zip(values.iter().map(|value| factor * value)));
+            }
+            entries.sort_by_key(|entry| entry.0);
+            for run in entries.chunk_by(|a, b| a.0 == b.0) {
+                let sum: f64 = run.iter().map(|entry| entry.1).sum();
+                if sum != 0.0 {
+                    columns.push(run[0].0);
+                    weights.push(sum);
+                }
+            }
+            row_start.push(columns.len());
+        }
+        Self::new(shape[1], row_start, columns, weights)
+    }
+
     /// Returns true if the matrix is square and bitwise equal to its transpose.
     pub fn is_symmetric(&self) -> bool {
         self.rows() == self.cols

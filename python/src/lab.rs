@@ -133,7 +133,7 @@ impl Lab {
         let named: Pattern = text.parse().map_err(|fault: String| {
             errors::option(py, "pattern", &fault, "give an array, or name a pattern as the command line does")
         })?;
-        let image = self.with(py, |lab| named.image(lab.projector_resolution()))?;
+        let image = self.with(py, |lab| named.image_for(lab))?;
         arrays::array(py, &image)
     }
 

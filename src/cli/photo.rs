@@ -32,7 +32,7 @@ pub(super) fn run(args: &Asked<TakePhoto, Traced, Kept>, console: &Console) -> R
     let opening = before.opening().channels(channels).operator(&operator);
     let mut lab = opening.open_shown(&after.live, console)?;
     request.check_scale(lab.resolution())?;
-    let pattern = request.pattern.image(lab.projector_resolution())?;
+    let pattern = request.pattern.image_for(&lab)?;
     in_journal(&mut lab, &after.keep, "photo", |lab| {
         let taken = lab.single_photo(&pattern)?;
         for (channel, plane) in taken.photo.planes().iter().enumerate() {

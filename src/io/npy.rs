@@ -203,7 +203,7 @@ fn half(bits: u16) -> f64 {
 }
 
 /// Reorders values from Fortran order (the first index runs fastest) to C order (the last index runs fastest).
-fn from_fortran_order(shape: &[usize], stored: &[f64]) -> Vec<f64> {
+pub(super) fn from_fortran_order(shape: &[usize], stored: &[f64]) -> Vec<f64> {
     let strides: Vec<usize> = shape
         .iter()
         .scan(1, |stride, &length| {

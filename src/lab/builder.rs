@@ -8,9 +8,9 @@ use super::source::{Handed, MatrixSource, SceneSource, Source, SourceKind, check
 use super::{Lab, RigSource, SharedObserver};
 use crate::error::Result;
 use crate::image::Resolution;
+use crate::io::sparse::MatrixFile;
 use crate::rig::DeviceOpener;
 use crate::scene::Scene;
-use crate::sparse::Csr;
 
 /// Settings for a laboratory that is not open yet: see [`Lab::builder`].
 #[derive(Clone)]
@@ -26,7 +26,7 @@ pub struct LabBuilder {
 enum Origin {
     File(PathBuf),
     Scene(Box<Scene>),
-    Matrix(Csr, String),
+    Matrix(Box<MatrixFile>, String),
 }
 
 impl LabBuilder {
@@ -38,8 +38,8 @@ impl LabBuilder {
         Self::of(Origin::Scene(Box::new(scene)))
     }
 
-    pub(super) fn of_matrix(matrix: Csr, name: String) -> Self {
-        Self::of(Origin::Matrix(matrix, name))
+    pub(super) fn of_matrix(matrix: MatrixFile, name: String) -> Self {
+        Self::of(Origin::Matrix(Box::new(matrix), name))
     }
 
     pub(super) fn of_rig(name: &Path, text: String) -> Self {
@@ -60,7 +60,8 @@ impl LabBuilder {
         self
     }
 
-    /// The resolution of camera and projector, for a scene or for the scene of a virtual rig; 128×128 by default.
+    /// The resolution of camera and projector, for a scene or for the scene of a virtual rig; 128×128 by default. For a matrix,
+    /// the size of its photos.
     #[must_use]
     pub fn size(mut self, width: usize, height: usize) -> Self {
         self.settings.trace.resolution = Some(Resolution::new(width, height));
@@ -149,7 +150,7 @@ impl LabBuilder {
             }
             Origin::Matrix(matrix, name) => {
                 check_settings(SourceKind::Matrix, Path::new(&name), &self.settings)?;
-                Source::Matrix(MatrixSource::new(matrix, name))
+                Source::Matrix(MatrixSource::new(*matrix, Path::new(&name), &self.settings)?)
             }
         };
         let mut lab = Lab::new(source, self.settings, self.observer);

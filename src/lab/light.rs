@@ -12,7 +12,7 @@ use crate::io::manifest::ProductsOn;
 use crate::operator::{Operator, Symmetry};
 use crate::render::TraceSummary;
 use crate::sparse::Csr;
-use crate::transport::{Assembled, ExplicitMatrix, Noise, Part};
+use crate::transport::{Assembled, Noise, Part};
 
 impl Lab {
     /// One part of the light transport, as a linear operator on the first channel. Fails if the scene cannot be traced, the rig cannot be
@@ -130,10 +130,7 @@ impl Lab {
     /// [`Error::Option`] if the source has no matrix; the errors of [`Lab::operator`].
     pub fn matrix(&mut self, part: Part, channel: usize) -> Result<Csr> {
         if let Source::Matrix(source) = &self.source {
-            return match part {
-                Part::Full => Ok(source.matrix.clone()),
-                _ => ExplicitMatrix::part_of(&source.matrix, part),
-            };
+            return source.part(part, channel);
         }
         match self.assembled()? {
             Some(traced) => traced.matrix.to_csr(part, channel),
@@ -142,8 +139,11 @@ impl Lab {
         }
     }
 
-    /// The direct light of each channel, if a traced matrix holds it as a diagonal. Fails as [`Lab::operator`].
+    /// The direct light of each channel, if a matrix in memory holds it as a diagonal. Fails as [`Lab::operator`].
     pub fn direct_diagonal(&mut self) -> Result<Option<Vec<Vec<f64>>>> {
+        if let Source::Matrix(source) = &self.source {
+            return Ok(source.direct_diagonal());
+        }
         Ok(self.assembled()?.and_then(|traced| transport::direct_diagonal(&traced)))
     }
 

@@ -2,6 +2,7 @@
 
 use crate::analysis::brute_force;
 use crate::error::{Error, Result};
+use crate::lab::source::Source;
 use crate::lab::{Lab, LabOperator, SourceKind};
 use crate::sparse::Csr;
 use crate::transport::{Assembled, Bounces, Part};
@@ -19,7 +20,7 @@ impl Lab {
         part: Part,
         split_bounces: bool,
         photos: Option<usize>,
-    ) -> Result<Vec<Vec<(&'static str, Csr)>>> {
+    ) -> Result<Vec<Vec<ExportedMatrix>>> {
         if self.run.is_none() {
             self.warn_of_darkness();
         }
@@ -37,7 +38,10 @@ impl Lab {
         brute_force::check_photos(resolution, self.channels(), photos)?;
         let operators = self.operators(part)?;
         self.expect(resolution.pixels());
-        let columns = |mut operator: LabOperator| Ok(vec![("", brute_force::columns(&mut operator)?)]);
+        let columns = |mut operator: LabOperator| {
+            let matrix = brute_force::columns(&mut operator)?;
+            Ok(vec![ExportedMatrix { suffix: "", matrix, direct: None }])
+        };
         self.photos(|_| operators.into_iter().map(columns).collect())
     }
 
@@ -46,15 +50,23 @@ impl Lab {
         part: Part,
         split_bounces: bool,
         photos: Option<usize>,
-    ) -> Result<Vec<Vec<(&'static str, Csr)>>> {
+    ) -> Result<Vec<Vec<ExportedMatrix>>> {
         if photos.is_some() {
             return Err(Error::option("--photos", "a scene's matrix is traced, not photographed")
                 .help("leave it out; --spp says how many light paths are traced"));
         }
         let count = self.channels().count();
         if !split_bounces {
-            let matrix = |channel| Ok(vec![("", self.matrix(part, channel)?)]);
-            return (0..count).map(matrix).collect();
+            if let Some(traced) = self.assembled()? {
+                return (0..count).map(|at| Ok(vec![ExportedMatrix::of(&traced, part, at)?])).collect();
+            }
+            let direct = if part == Part::Full { self.matrices_of(Part::Direct)? } else { None };
+            let mut direct = direct.unwrap_or_default().into_iter();
+            let exported = |channel| -> Result<_> {
+                let matrix = self.matrix(part, channel)?;
+                Ok(vec![ExportedMatrix { suffix: "", matrix, direct: direct.next() }])
+            };
+            return (0..count).map(exported).collect();
         }
         let Some(traced) = self.assembled()? else {
             return Err(Error::option("--split-bounces", "the bounces of this matrix are not known")
@@ -63,24 +75,64 @@ impl Lab {
         bounces_apart(&traced)
     }
 
-    /// One part of the traced matrix, `[channel]`. Returns `None` if no matrix was traced.
-    pub(crate) fn traced_matrices(&mut self, part: Part) -> Result<Option<Vec<Csr>>> {
+    /// One part of the matrix, `[channel]`. Returns `None` if there is no matrix in memory, or if it does not hold its direct light
+    /// separately.
+    pub(crate) fn matrices_of(&mut self, part: Part) -> Result<Option<Vec<Csr>>> {
+        if let Source::Matrix(source) = &self.source {
+            let is_known = part == Part::Full || source.has_direct();
+            let channels = 0..source.channels();
+            return is_known
+                .then(|| channels.map(|channel| source.part(part, channel)).collect())
+                .transpose();
+        }
         let Some(traced) = self.assembled()? else { return Ok(None) };
         let channels = 0..traced.matrix.channels().count();
         channels.map(|channel| traced.matrix.to_csr(part, channel)).collect::<Result<_>>().map(Some)
     }
 }
 
-/// Separate matrices of the first bounce, the second bounce and all later bounces, `[channel]`, each with a name for its file.
-pub(super) fn bounces_apart(traced: &Assembled) -> Result<Vec<Vec<(&'static str, Csr)>>> {
+/// A matrix for a file.
+#[derive(Clone, Debug)]
+pub struct ExportedMatrix {
+    /// What is added to the name of the file.
+    pub suffix: &'static str,
+    /// The matrix.
+    pub matrix: Csr,
+    /// Its light of one bounce, if that is known.
+    pub direct: Option<Csr>,
+}
+
+impl ExportedMatrix {
+    pub(super) fn of(traced: &Assembled, part: Part, channel: usize) -> Result<Self> {
+        let matrix = traced.matrix.to_csr(part, channel)?;
+        let direct = match part {
+            Part::Full => traced.matrix.to_csr(Part::Direct, channel)?,
+            Part::Direct => matrix.clone(),
+            Part::Global => without_entries(&matrix)?,
+        };
+        Ok(Self { suffix: "", matrix, direct: Some(direct) })
+    }
+}
+
+fn without_entries(matrix: &Csr) -> Result<Csr> {
+    Csr::new(matrix.cols(), vec![0; matrix.rows() + 1], Vec::new(), Vec::new())
+}
+
+/// Separate matrices of the first bounce, the second bounce and all later bounces, `[channel]`.
+pub(super) fn bounces_apart(traced: &Assembled) -> Result<Vec<Vec<ExportedMatrix>>> {
+    let later = |suffix, matrix: Csr| {
+        let direct = Some(without_entries(&matrix)?);
+        Ok(ExportedMatrix { suffix, matrix, direct })
+    };
     let channel = |channel| {
-        let mut matrices = vec![("_direct", traced.matrix.to_csr(Part::Direct, channel)?)];
+        let direct = ExportedMatrix::of(traced, Part::Direct, channel)?;
+        let mut matrices = vec![ExportedMatrix { suffix: "_direct", ..direct }];
         for layer in &*traced.matrix.layers()? {
             match layer.bounces() {
                 // The direct part already contains the first bounce.
                 Bounces::One => {}
-                Bounces::Two => matrices.push(("_second", layer.to_csr(channel)?)),
-                Bounces::Rest | Bounces::Global => matrices.push(("_rest", layer.to_csr(channel)?)),
+                Bounces::Two => matrices.push(later("_second", layer.to_csr(channel)?)?),
+                Bounces::Rest | Bounces::Global => matrices.push(later("_rest", layer.to_csr(channel)?)?),
             }
         }
         Ok(matrices)

@@ -58,6 +58,7 @@ pub use builder::LabBuilder;
 pub use folder::{RunFolder, RunOptions};
 pub use kept::{KeptPhotos, KeptRun};
 pub use look::look;
+pub use matrix::ExportedMatrix;
 pub(crate) use observing::Log;
 pub use observing::SharedObserver;
 pub use operator::LabOperator;
@@ -77,13 +78,13 @@ pub use crate::analysis::segment::Truth;
 use crate::error::{Error, Result};
 use crate::finding::Finding;
 use crate::image::Resolution;
+use crate::io::sparse::MatrixFile;
 use crate::render::TraceSettings;
 use crate::report::contact_sheet::ContactSheet;
 pub use crate::report::text;
 use crate::scene::Scene;
-use crate::sparse::Csr;
 use crate::transport::Channels;
-use source::{MatrixSource, SceneSource, Source};
+use source::{SceneSource, Source};
 use transport::LightTransport;
 
 /// Opens a scene (`.glb`, `.gltf`, `.obj`), a rig file (`.toml`), a run's folder, or a matrix (`.npz`, `.mtx`, `.npy`). See [`Lab::open`].
@@ -131,19 +132,13 @@ impl Lab {
     }
 
     /// A laboratory around a matrix that a program made, with settings. `name` is used in titles.
-    pub fn builder_of_matrix(matrix: Csr, name: impl Into<String>) -> LabBuilder {
-        LabBuilder::of_matrix(matrix, name.into())
+    pub fn builder_of_matrix(matrix: impl Into<MatrixFile>, name: impl Into<String>) -> LabBuilder {
+        LabBuilder::of_matrix(matrix.into(), name.into())
     }
 
     /// A laboratory around a rig whose file a program wrote. A run keeps `text`, the content of the file. `name` replaces the file's path.
     pub fn builder_of_rig(name: impl AsRef<Path>, text: impl Into<String>) -> LabBuilder {
         LabBuilder::of_rig(name.as_ref(), text.into())
-    }
-
-    /// A laboratory around a matrix that a program made. `name` is used in titles.
-    pub fn of_matrix(matrix: Csr, name: impl Into<String>) -> Self {
-        let source = Source::Matrix(MatrixSource::new(matrix, name.into()));
-        Self::new(source, Settings::default(), SharedObserver::default())
     }
 
     fn new(source: Source, settings: Settings, observer: SharedObserver) -> Self {
@@ -180,7 +175,30 @@ impl Lab {
         self.source.name()
     }
 
-    /// The resolution of photos. For a matrix of `n` rows, it is `n×1`.
+    /// Whether it is known which pictures photos and patterns are. It is not known for a matrix that came without their sizes.
+    pub fn has_pictures(&self) -> bool {
+        !matches!(&self.source, Source::Matrix(matrix) if !matrix.has_pictures())
+    }
+
+    /// Refuses a matrix that came without the sizes of its pictures, for `what`, which needs to know neighbouring pixels.
+    ///
+    /// # Errors
+    /// [`Error::Option`].
+    pub fn require_pictures(&self, what: &str) -> Result<()> {
+        if self.has_pictures() {
+            return Ok(());
+        }
+        let [rows, columns] = [self.resolution(), self.projector_resolution()].map(Resolution::pixels);
+        let fault = format!(
+            "{} has {rows} rows and {columns} columns, and does not say which pictures they are; {what} needs to know",
+            self.name()
+        );
+        Err(Error::option("--size", fault).help(
+            "give the size of photos (--size WIDTHxHEIGHT), and that of patterns if it is another one (--projector-size WIDTHxHEIGHT)",
+        ))
+    }
+
+    /// The resolution of photos. For a matrix of `n` rows whose pictures are not known, it is `n×1`.
     pub fn resolution(&self) -> Resolution {
         self.source.resolution()
     }

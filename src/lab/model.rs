@@ -47,7 +47,7 @@ impl Lab {
         if let Some(parts) = self.measured_direct()? {
             return Ok(parts);
         }
-        match self.traced_matrices(Part::Direct)? {
+        match self.matrices_of(Part::Direct)? {
             Some(matrices) => Ok(matrices.into_iter().map(DirectPart::Matrix).collect()),
             None => self.reference_operators(Part::Direct)?.iter_mut().map(|of| diagonal_of(of)).collect(),
         }

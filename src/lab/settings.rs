@@ -46,6 +46,12 @@ impl Settings {
         trace.or(adapter).or(view.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name))
     }
 
+    /// As [`Self::first_of_trace`], without the sizes of the pictures. They may be given for a matrix.
+    pub fn first_beside_sizes(&self) -> Option<&'static str> {
+        let trace = TraceOverrides { resolution: None, projector: None, ..self.trace };
+        Self { trace, ..self.clone() }.first_of_trace()
+    }
+
     /// The option name of the first given setting that affects how the photos of a scene are computed. Other sources refuse this setting.
     pub fn first_of_operator(&self) -> Option<&'static str> {
         let given = [

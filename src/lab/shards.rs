@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::matrix::bounces_apart;
+use super::matrix::{ExportedMatrix, bounces_apart};
 use crate::cache::{ShardFile, ShardOrigin, write_shard};
 use crate::error::{Error, Result};
 use crate::io::atomic;
@@ -13,7 +13,6 @@ use crate::lab::text;
 use crate::lab::traced::{report_matrix, report_trace, store};
 use crate::lab::{CacheChoice, Lab, Log, SharedObserver};
 use crate::machine;
-use crate::sparse::Csr;
 use crate::transport::{self, Assembled, Channels, Network, Part, Probe, Scaled, Shard, ShardRecord};
 
 /// A shard and its file.
@@ -130,12 +129,12 @@ pub struct JoinedShards {
 }
 
 impl JoinedShards {
-    /// The matrices of every channel, `[channel]`, each with a name for its file, as [`Lab::matrices`](crate::lab::Lab::matrices). `part`
+    /// The matrices of every channel, `[channel]`, as [`Lab::matrices`](crate::lab::Lab::matrices). `part`
     /// selects a part of the light; `None` means all light.
     ///
     /// # Errors
     /// [`Error::Option`] for a part if the bounces are separate matrices.
-    pub fn matrices(&self, part: Option<Part>) -> Result<Vec<Vec<(&'static str, Csr)>>> {
+    pub fn matrices(&self, part: Option<Part>) -> Result<Vec<Vec<ExportedMatrix>>> {
         match part {
             None if self.splits_bounces => bounces_apart(&self.traced),
             Some(_) if self.splits_bounces => Err(Error::option(
@@ -144,8 +143,8 @@ impl JoinedShards {
             )
             .help("leave it out, or trace shards without --split-bounces")),
             part => {
-                let matrix =
-                    |channel| Ok(vec![("", self.traced.matrix.to_csr(part.unwrap_or(Part::Full), channel)?)]);
+                let part = part.unwrap_or(Part::Full);
+                let matrix = |channel| Ok(vec![ExportedMatrix::of(&self.traced, part, channel)?]);
                 (0..self.traced.matrix.channels().count()).map(matrix).collect()
             }
         }

@@ -142,7 +142,9 @@ mod tests {
     #[test]
     fn what_has_no_scene_or_real_devices_is_refused() -> Result<()> {
         let matrix = crate::sparse::Csr::new(1, vec![0, 1], vec![0], vec![1.0])?;
-        assert!(fault(Lab::of_matrix(matrix, "one").through_rig(ideal()?)).contains("no scene"));
+        assert!(
+            fault(Lab::builder_of_matrix(matrix, "one").open()?.through_rig(ideal()?)).contains("no scene")
+        );
         let text = "kind = \"hardware\"\n[projector]\nkind = \"x11\"\nsize = [8, 8]\n[camera]\nkind = \"gige\"\naddress = \"192.168.1.20\"\nsize = [8, 8]\n";
         let real = RigFile::from_bytes(Path::new("real.toml"), text.as_bytes())?;
         assert!(matches!(real.kind, RigKind::Hardware(_)));

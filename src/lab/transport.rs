@@ -89,7 +89,7 @@ impl Engine {
                 scene.with(|retraced| work(&mut RetracedOperator { retraced, part, channel }))
             }
             Self::Measured(rig) => work(&mut rig.measurement.operator(part, channel)),
-            Self::Explicit(parts) => work(parts.operator(part)?),
+            Self::Explicit(parts) => work(parts.operator(part, channel)?),
             Self::Model(parts) => work(&mut parts.operator(part, channel)),
             Self::JournalOnly => Err(Error::Interrupted),
         }

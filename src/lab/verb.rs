@@ -60,6 +60,9 @@ pub trait Verb: Serialize {
     /// The reason why a run of this verb cannot be resumed, if its photos are not kept.
     const NOT_RESUMED: Option<&'static str> = None;
 
+    /// Whether the verb needs to know which pixels are neighbours, so that a matrix must know its pictures.
+    const NEEDS_PICTURES: bool = false;
+
     /// The type of the answer.
     type Answer: Answer;
 
@@ -176,6 +179,9 @@ impl Lab {
     /// Answers a request, and records it in the open run. Fails as [`Verb::check`], [`Verb::check_on`] and [`Verb::answer`].
     pub fn ask<V: Verb>(&mut self, request: &V) -> Result<V::Answer> {
         request.check()?;
+        if V::NEEDS_PICTURES {
+            self.require_pictures(V::NAME)?;
+        }
         request.check_on(self)?;
         if let Some(run) = &mut self.run {
             run.manifest.request = serde_json::to_value(request).ok();

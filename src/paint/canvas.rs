@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::planes::{self, Planes};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
-use crate::lab::{Lab, LabOperator, SourceKind};
+use crate::lab::{ExportedMatrix, Lab, LabOperator, SourceKind};
 use crate::operator::{Adjoint, Operator};
 use crate::sparse::Csr;
 use crate::transport::Part;
@@ -63,8 +63,8 @@ pub struct Canvas<'a> {
 impl<'a> Canvas<'a> {
     /// Opens the light transport of a laboratory: traces a scene, reads a run, or connects to a rig.
     pub fn new(lab: &'a mut Lab) -> Result<Self> {
+        lab.require_pictures("painting")?;
         let sizes = [lab.projector_resolution(), lab.resolution()];
-        let sizes = if lab.kind() == SourceKind::Matrix { sizes.map(as_picture) } else { sizes };
         let layers = layers(lab)?;
         let lights = match (lab.kind(), layers.len()) {
             (_, 3..) => vec![Light::All, Light::Direct, Light::Global, Light::Second, Light::Later],
@@ -72,9 +72,10 @@ impl<'a> Canvas<'a> {
             _ => vec![Light::All, Light::Direct, Light::Global],
         };
         let ambient = match lab.kind() {
-            SourceKind::Matrix => vec![vec![0.0; sizes[1].pixels()]],
-            // The photos of a rig do not contain the ambient light.
-            SourceKind::Rig => vec![vec![0.0; sizes[1].pixels()]; lab.channels().count()],
+            // A matrix holds no ambient light, and the photos of a rig do not contain it.
+            SourceKind::Matrix | SourceKind::Rig => {
+                vec![vec![0.0; sizes[1].pixels()]; lab.channels().count()]
+            }
             _ => lab.ambient()?.planes(),
         };
         Ok(Self { lab, sizes, layers, lights, ambient, operators: Vec::new(), white: None })
@@ -251,31 +252,26 @@ fn layers(lab: &mut Lab) -> Result<Vec<(Light, Columns)>> {
         return Ok(Vec::new());
     }
     // The nested vectors `[channel][layer]` become `[layer][channel]`.
-    let by_layer = |lights: &[Light], matrices: Vec<Vec<(&'static str, Csr)>>| {
+    let by_layer = |lights: &[Light], matrices: Vec<Vec<ExportedMatrix>>| {
         let mut channels: Vec<_> = matrices.into_iter().map(Vec::into_iter).collect();
         let layer = |&light: &Light| {
-            let of_channels = channels.iter_mut().filter_map(|layers| Some(layers.next()?.1));
+            let of_channels = channels.iter_mut().filter_map(|layers| Some(layers.next()?.matrix));
             (light, Columns::new(of_channels.collect()))
         };
         lights.iter().map(layer).collect::<Vec<_>>()
     };
-    let is_square = lab.resolution().pixels() == lab.projector_resolution().pixels();
+    let has_parts =
+        lab.resolution() == lab.projector_resolution() || lab.matrices_of(Part::Direct)?.is_some();
     if lab.kind() == SourceKind::Scene && lab.settings().split_bounces {
         let lights = [Light::Direct, Light::Second, Light::Later];
         return Ok(by_layer(&lights, lab.matrices(Part::Full, true, None)?));
     }
-    if lab.kind() == SourceKind::Matrix && !is_square {
+    if lab.kind() == SourceKind::Matrix && !has_parts {
         return Ok(by_layer(&[Light::All], lab.matrices(Part::Full, false, None)?));
     }
     let mut found = by_layer(&[Light::Direct], lab.matrices(Part::Direct, false, None)?);
     found.extend(by_layer(&[Light::Global], lab.matrices(Part::Global, false, None)?));
     Ok(found)
-}
-
-/// The resolution of a matrix file's pictures. The file does not state it, so a square number of pixels is taken as a square picture.
-fn as_picture(strip: Resolution) -> Resolution {
-    let side = strip.pixels().isqrt();
-    if side * side == strip.pixels() { Resolution::new(side, side) } else { strip }
 }
 
 /// The columns of a matrix, for each channel. Row `p` of these matrices is the light of projector pixel `p`.

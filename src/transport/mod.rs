@@ -108,18 +108,8 @@ impl ExplicitMatrix {
         if part == Part::Full {
             return Ok(matrix.clone());
         }
-        let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
-        for row in 0..matrix.rows() {
-            let (of_row, values) = matrix.row(row);
-            for (&column, &weight) in of_row.iter().zip(values) {
-                if (column as usize == row) == (part == Part::Direct) {
-                    columns.push(column);
-                    weights.push(weight);
-                }
-            }
-            row_start.push(columns.len());
-        }
-        Csr::new(matrix.cols(), row_start, columns, weights)
+        let direct = matrix.only_diagonal()?;
+        if part == Part::Direct { Ok(direct) } else { Csr::sum(&[(1.0, matrix), (-1.0, &direct)]) }
     }
 }
 

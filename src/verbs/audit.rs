@@ -45,6 +45,7 @@ impl Audit {
 
 impl Verb for Audit {
     const NAME: &'static str = "audit";
+    const NEEDS_PICTURES: bool = true;
     const IS_CHECKED: bool = false;
     const NOT_RESUMED: Option<&'static str> =
         Some("an audit asks whether a photo taken twice is the same, so it keeps none");

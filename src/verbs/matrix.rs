@@ -9,12 +9,13 @@ use serde_json::json;
 use super::options::{LightPart, count};
 use crate::error::Result;
 use crate::finding::Grade;
-use crate::image::Resolution;
 use crate::io::name::Name;
+use crate::io::sparse::Pictures;
 use crate::io::{manifest, sparse};
-use crate::lab::{CacheChoice, Lab, SharedObserver, SourceKind, TracedShard, join_shards, text};
+use crate::lab::{
+    CacheChoice, ExportedMatrix, Lab, SharedObserver, SourceKind, TracedShard, join_shards, text,
+};
 use crate::report::content::Content;
-use crate::sparse::Csr;
 use crate::transport::{Channels, MOST_PARTS, Noise};
 
 /// Write the light transport matrix as a sparse matrix: a scene's is traced once, a rig's photographed pixel by pixel
@@ -87,12 +88,13 @@ impl WriteMatrix {
     /// rig fails. Fails as [`Lab::matrices`] and if a file cannot be written.
     pub fn ask(&self, lab: &mut Lab, file: &Path) -> Result<(Content<'static>, bool)> {
         let matrices = lab.matrices(self.part.into(), self.split_bounces, self.photos)?;
-        let shape = (lab.channels(), lab.resolution(), lab.projector_resolution());
+        let [camera, projector] = [lab.resolution(), lab.projector_resolution()];
+        let pictures = lab.has_pictures().then_some(Pictures { camera, projector });
         let (paths, noise, costs) = match lab.kind() {
             SourceKind::Scene => (lab.trace_summary()?.map(|of| of.paths), lab.noise()?, None),
             _ => (None, None, Some(lab.costs()?)),
         };
-        let mut content = write(file, &matrices, shape)?;
+        let mut content = write(file, &matrices, (lab.channels(), pictures))?;
         match costs {
             None => of_paths(&mut content, paths, noise.as_ref()),
             Some(costs) => content.fact("rig", costs),
@@ -137,8 +139,9 @@ impl JoinShards {
         let joined = join_shards(&self.shards, cache, observer)?;
         let traced = &joined.traced;
         let (matrix, paths) = (&traced.matrix, traced.summary.paths);
-        let shape = (matrix.channels(), matrix.resolution(), matrix.projector_resolution());
-        let mut content = write(file, &joined.matrices(self.part.map(Into::into))?, shape)?;
+        let pictures = Pictures { camera: matrix.resolution(), projector: matrix.projector_resolution() };
+        let matrices = joined.matrices(self.part.map(Into::into))?;
+        let mut content = write(file, &matrices, (matrix.channels(), Some(pictures)))?;
         of_paths(&mut content, Some(paths), traced.noise.as_ref());
         content.fact("shards", self.shards.len());
         Ok(content)
@@ -154,24 +157,28 @@ fn of_paths(content: &mut Content<'_>, paths: Option<u64>, noise: Option<&Noise>
 /// Writes the matrices of each channel.
 fn write(
     named: &Path,
-    matrices: &[Vec<(&'static str, Csr)>],
-    (channels, resolution, projector): (Channels, Resolution, Resolution),
+    matrices: &[Vec<ExportedMatrix>],
+    (channels, pictures): (Channels, Option<Pictures>),
 ) -> Result<Content<'static>> {
     let (mut content, mut files, mut nonzeros) = (Content::default(), Vec::new(), Vec::new());
+    let mut shape = [0; 2];
     for (channel, suffix) in matrices.iter().zip(channel_suffixes(channels)) {
-        for (bounces, matrix) in channel {
-            let file = with_suffix(named, &format!("{bounces}{suffix}"));
-            sparse::write(&file, matrix)?;
+        for ExportedMatrix { suffix: bounces, matrix, direct } in channel {
+            let file = sparse::with_suffix(named, &format!("{bounces}{suffix}"));
+            sparse::write_channel(&file, matrix, direct.as_ref(), pictures)?;
             nonzeros.push(matrix.weights().len());
+            shape = [matrix.rows(), matrix.cols()];
             content.line(format_args!("wrote     {}", file.display()));
             files.push(Name::from(&file));
         }
     }
     content.fact("files", files);
-    content.fact("resolution", resolution);
-    content.fact("projector_resolution", projector);
-    content.fact("rows", resolution.pixels());
-    content.fact("columns", projector.pixels());
+    if let Some(pictures) = pictures {
+        content.fact("resolution", pictures.camera);
+        content.fact("projector_resolution", pictures.projector);
+    }
+    content.fact("rows", shape[0]);
+    content.fact("columns", shape[1]);
     content.fact("nonzeros", nonzeros);
     Ok(content)
 }
@@ -180,15 +187,8 @@ fn write(
 fn channel_suffixes(channels: Channels) -> &'static [&'static str] {
     match channels {
         Channels::Luma => &[""],
-        Channels::Rgb => &[".r", ".g", ".b"],
+        Channels::Rgb => &sparse::COLORS,
     }
-}
-
-/// The name of a matrix's file with a suffix: `a/matrix.npz` becomes `a/matrix_direct.r.npz`.
-fn with_suffix(file: &Path, suffix: &str) -> PathBuf {
-    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
-    let extension = file.extension().unwrap_or_default().to_string_lossy();
-    file.with_file_name(format!("{stem}{suffix}.{extension}"))
 }
 
 #[cfg(test)]
@@ -202,11 +202,5 @@ mod tests {
         for wrong in ["", "0/16", "17/16", "3", "3/", "/3", "-1/3", "1/65537", "1/99999999999999999999"] {
             assert!(wrong.parse::<ShardOf>().is_err(), "{wrong}");
         }
-    }
-
-    #[test]
-    fn suffixes_stand_before_the_extension() {
-        let name = |suffix| with_suffix(Path::new("a/b.c.npz"), suffix).display().to_string();
-        assert_eq!([name(""), name("_rest.g")], ["a/b.c.npz", "a/b.c_rest.g.npz"]);
     }
 }

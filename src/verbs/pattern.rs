@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::io::picture;
+use crate::lab::Lab;
 
 /// A pattern by name, or an image file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -88,6 +89,15 @@ impl std::fmt::Display for Pattern {
 }
 
 impl Pattern {
+    /// The pattern for the projector of a laboratory. Fails as [`Self::image`], and if a matrix does not know the pictures in which the
+    /// pattern has a place.
+    pub fn image_for(&self, lab: &Lab) -> Result<Image> {
+        if !matches!(self, Self::White | Self::Black | Self::File(_)) {
+            lab.require_pictures(&format!("the pattern `{self}`"))?;
+        }
+        self.image(lab.projector_resolution())
+    }
+
     /// The pattern at this resolution. Fails if a file cannot be read or has another size, or if the pixel is outside the picture.
     pub fn image(&self, resolution: Resolution) -> Result<Image> {
         let Resolution { width, height } = resolution;

@@ -81,6 +81,7 @@ impl Probe {
 
 impl Verb for Probe {
     const NAME: &'static str = "probe";
+    const NEEDS_PICTURES: bool = true;
     const IS_CHECKED: bool = false;
     type Answer = ProbedLight;
 
@@ -102,7 +103,7 @@ impl Verb for Probe {
         lab.expect(probing.photos(photos));
         let one = |operator: &mut LabOperator| probe(operator, resolution, probing, photos, seed);
         let found = lab.photos(|_| operators.iter_mut().map(one).collect::<Result<Vec<_>>>())?;
-        let matrices = lab.traced_matrices(Part::Full)?;
+        let matrices = lab.matrices_of(Part::Full)?;
         let truth = matrices.map(|of| of.iter().map(|matrix| probing.exact(matrix, resolution)).collect());
         Ok(ProbedLight::new((self.paths, probing), resolution, found, truth))
     }

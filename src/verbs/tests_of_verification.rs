@@ -51,7 +51,7 @@ fn eigenpairs_of_a_scene_are_checked_by_another_seed_and_the_record_says_so() ->
 #[test]
 fn a_matrix_has_no_other_light() -> Result<()> {
     let matrix = crate::sparse::Csr::new(2, vec![0, 1, 2], vec![0, 1], vec![2.0, 1.0])?;
-    let mut lab = Lab::of_matrix(matrix, "two");
+    let mut lab = Lab::builder_of_matrix(matrix, "two").open().expect("a matrix can be opened");
     let asked = Eigs { count: 1, photos: Some(2), part: LightPart::Full, ..pairs() };
     let found = asked.pairs(&mut lab)?.found;
     assert_eq!(lab.verify_eigenpairs(Part::Full, &found)?, None);

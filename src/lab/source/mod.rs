@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::finding::Finding;
 use crate::image::Resolution;
 use crate::io::manifest::SourceFile;
-use crate::io::model as saved_model;
+use crate::io::{model as saved_model, sparse};
 use crate::journal::Journal;
 use crate::lab::layout::{journal_folder, short_name};
 use crate::lab::notes::{Kind, SourceNote};
@@ -49,7 +49,7 @@ pub enum SourceKind {
     Rig,
     /// The folder of an earlier run.
     Run,
-    /// A matrix: `.npz`, `.mtx` or `.npy`.
+    /// A matrix: `.npz`, `.npy`, `.mtx`, `.mtx.gz` or `.mat`.
     Matrix,
 }
 
@@ -59,12 +59,11 @@ impl SourceKind {
         if path.is_dir() {
             return Self::Run;
         }
-        let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
-        match extension.as_deref() {
-            Some("toml") => Self::Rig,
-            Some("npz" | "mtx" | "npy") => Self::Matrix,
-            _ => Self::Scene,
+        if sparse::is_matrix(path) {
+            return Self::Matrix;
         }
+        let is_rig = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
+        if is_rig { Self::Rig } else { Self::Scene }
     }
 }
 
@@ -93,7 +92,7 @@ impl Source {
                 Self::Model(Box::new(ModelSource::open(path)?))
             }
             SourceKind::Run => Self::Run(Box::new(RunSource::open(path)?)),
-            SourceKind::Matrix => Self::Matrix(MatrixSource::open(path)?),
+            SourceKind::Matrix => Self::Matrix(MatrixSource::open(path, settings)?),
         })
     }
 
@@ -131,7 +130,7 @@ impl Source {
             Self::Rig(rig) => rig.resolution(),
             Self::Run(run) => run.note.photos,
             Self::Model(model) => model.model.resolution,
-            Self::Matrix(matrix) => Resolution::new(matrix.matrix.rows(), 1),
+            Self::Matrix(matrix) => matrix.resolution(),
         }
     }
 
@@ -141,13 +140,14 @@ impl Source {
             Self::Rig(rig) => rig.resolution(),
             Self::Run(run) => run.note.patterns,
             Self::Model(model) => model.model.projector,
-            Self::Matrix(matrix) => Resolution::new(matrix.matrix.cols(), 1),
+            Self::Matrix(matrix) => matrix.projector_resolution(),
         }
     }
 
     pub(in crate::lab) fn channels(&self, choice: ChannelChoice) -> Channels {
         match (choice, self) {
-            (_, Self::Matrix(_)) | (ChannelChoice::Luma, _) => Channels::Luma,
+            (_, Self::Matrix(matrix)) => Channels::of(matrix.channels()),
+            (ChannelChoice::Luma, _) => Channels::Luma,
             (ChannelChoice::Rgb, _) | (ChannelChoice::Native, Self::Scene(_)) => Channels::Rgb,
             (ChannelChoice::Native, Self::Rig(rig)) => rig.channels(),
             (ChannelChoice::Native, Self::Run(run)) => Channels::of(run.note.channels),
@@ -240,12 +240,16 @@ impl Source {
 
 /// Refuses settings that do not apply to a source of this kind. Errors: [`Error::Option`] naming the setting.
 pub(in crate::lab) fn check_settings(kind: SourceKind, path: &Path, settings: &Settings) -> Result<()> {
-    if let (SourceKind::Run | SourceKind::Matrix, Some(option)) = (kind, settings.first_of_trace()) {
-        let what = if kind == SourceKind::Run {
-            "a run, whose photos are taken already"
-        } else {
-            "a matrix, for which nothing is traced"
-        };
+    let refused = match kind {
+        SourceKind::Run => {
+            settings.first_of_trace().map(|option| (option, "a run, whose photos are taken already"))
+        }
+        SourceKind::Matrix => {
+            settings.first_beside_sizes().map(|option| (option, "a matrix, for which nothing is traced"))
+        }
+        SourceKind::Scene | SourceKind::Rig => None,
+    };
+    if let Some((option, what)) = refused {
         return Err(Error::option(option, format!("{} is {what}", path.display()))
             .help("leave it out, or give the scene or the rig"));
     }

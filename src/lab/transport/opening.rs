@@ -73,7 +73,7 @@ impl LightTransport {
                 Ok(Self::of_rig(rig.measured(native, journal)?, shape, observer))
             }
             Source::Run(run) => Self::of_run(run, channels, native, shape, observer),
-            Source::Matrix(matrix) => Ok(Self::of_matrix(matrix, shape, observer)),
+            Source::Matrix(matrix) => Self::of_matrix(matrix, shape, observer),
             Source::Model(source) => Self::of_model(source.model.clone(), shape, channels, observer),
         }
     }
@@ -108,10 +108,14 @@ impl LightTransport {
         Ok(Self { journal, run: folder, ..Self::new(Engine::JournalOnly, shape, observer) })
     }
 
-    fn of_matrix(source: &MatrixSource, shape: Shape, observer: &SharedObserver) -> Self {
-        let parts = ExplicitParts::new(source.matrix.clone());
-        let shape = Shape { symmetry: parts.full.symmetry(), channels: 1, ..shape };
-        Self::new(Engine::Explicit(Box::new(parts)), shape, observer)
+    fn of_matrix(source: &MatrixSource, shape: Shape, observer: &SharedObserver) -> Result<Self> {
+        let mut parts = ExplicitParts::new(source);
+        let is_symmetric = shape.photos == shape.patterns
+            && (0..source.channels()).try_fold(true, |all, channel| {
+                Ok(all && parts.operator(Part::Full, channel)?.symmetry() == Symmetry::Symmetric)
+            })?;
+        let shape = Shape { symmetry: symmetry(is_symmetric), channels: source.channels(), ..shape };
+        Ok(Self::new(Engine::Explicit(Box::new(parts)), shape, observer))
     }
 
     fn of_model(

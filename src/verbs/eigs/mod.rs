@@ -15,7 +15,7 @@ use crate::krylov::{
     self, Completeness, Confirm, EigsMethod, EigsOptions, HistoryRow, PairStatus, SingularOptions, Start,
     Which, eigs, singular,
 };
-use crate::lab::{Answer, Lab, LabOperator, SourceKind, Verb, Verified};
+use crate::lab::{Answer, Lab, LabOperator, Verb, Verified};
 use crate::operator::Operator;
 use crate::report::content::Content;
 use crate::report::run::AnswerPage;
@@ -216,9 +216,9 @@ impl Eigs {
     }
 }
 
-/// The size of the pictures that show vectors. It is `None` if the source is a matrix.
+/// The size of the pictures that show vectors. It is `None` for a matrix that does not know its pictures.
 fn picture(lab: &Lab, size: Resolution) -> Option<Resolution> {
-    (lab.kind() != SourceKind::Matrix).then_some(size)
+    lab.has_pictures().then_some(size)
 }
 
 /// Checks that the eigenvalues of a rig's light are possible. No eigenvalue may exceed the largest row sum, which the white photo shows.

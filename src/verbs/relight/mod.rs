@@ -80,6 +80,7 @@ impl Default for Relight {
 
 impl Verb for Relight {
     const NAME: &'static str = "relight";
+    const NEEDS_PICTURES: bool = true;
     type Answer = Relighting;
 
     /// The channels of the request. A run has the channels of its photos. If others are requested, they are refused once the run is open.
@@ -152,7 +153,7 @@ impl Verb for Relight {
         if let Some(run) = lab.run() {
             answer.place = ModelPlace::Folder(run.path.clone(), answer.model.write(&run.path)?);
         }
-        if let Some(matrices) = lab.traced_matrices(Part::Global)? {
+        if let Some(matrices) = lab.matrices_of(Part::Global)? {
             answer.curve = lab.timed("error curve", |lab| {
                 rank_curve(&answer.model.channels, &matrices, &mut lab.reference_operators(Part::Global)?)
             })?;

@@ -120,6 +120,7 @@ impl Default for Segment {
 
 impl Verb for Segment {
     const NAME: &'static str = "segment";
+    const NEEDS_PICTURES: bool = true;
     type Answer = Segmented;
 
     fn check(&self) -> Result<()> {

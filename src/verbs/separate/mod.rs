@@ -93,6 +93,7 @@ impl Default for Separate {
 
 impl Verb for Separate {
     const NAME: &'static str = "separate";
+    const NEEDS_PICTURES: bool = true;
     type Answer = Separated;
 
     fn channels(&self, _: &Path) -> Result<ChannelChoice> {
@@ -215,7 +216,7 @@ fn probed(lab: &mut Lab, options: NearFarOptions, global: &Planes) -> Result<Opt
         return Ok(None);
     }
     lab.expect(options.photos);
-    let matrices = lab.traced_matrices(Part::Global)?;
+    let matrices = lab.matrices_of(Part::Global)?;
     near_far(&mut operators, resolution, options, global, matrices.as_deref()).map(Some)
 }
 
