@@ -132,6 +132,18 @@ impl Csr {
         Self::new(self.cols, row_start, columns, weights)
     }
 
+    /// The matrix with each row divided by the sum of its entries. A row whose sum is not positive becomes zero.
+    #[must_use]
+    pub fn with_row_sums_of_one(&self) -> Self {
+        let mut weights = Vec::with_capacity(self.weights.len());
+        for row in 0..self.rows() {
+            let values = self.row(row).1;
+            let sum: f64 = values.iter().sum();
+            weights.extend(values.iter().map(|value| if sum > 0.0 { value / sum } else { 0.0 }));
+        }
+        Self { weights: Arc::new(weights), ..self.clone() }
+    }
+
     /// The sum of `factor · matrix` over all terms, added in order. Entries that are zero are dropped.
     ///
     /// # Errors

@@ -144,11 +144,15 @@ impl AskedVerb {
         console: &Console,
     ) -> Result<Outcome> {
         console.go_on()?;
+        let is_asked = self.check.as_ref().is_some_and(CheckArgs::is_on);
+        let unchecked = lab.has_no_other_light().filter(|_| is_asked);
         let [noise, rig, verification] = match lab.run() {
             Some(run) => {
                 let manifest = &run.manifest;
                 if let Some(found) = &manifest.verification {
                     console.say(format_args!("checked   {}", found.sentence()))?;
+                } else if let Some(why) = unchecked {
+                    console.say(format_args!("checked   not checked: {why}"))?;
                 }
                 [json!(manifest.noise), json!(manifest.rig), json!(manifest.verification)]
             }

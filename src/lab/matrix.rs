@@ -2,8 +2,9 @@
 
 use crate::analysis::brute_force;
 use crate::error::{Error, Result};
+use crate::io::sparse::ProductNoise;
 use crate::lab::source::Source;
-use crate::lab::{Lab, LabOperator, SourceKind};
+use crate::lab::{Lab, LabOperator, SourceKind, lock, transport};
 use crate::sparse::Csr;
 use crate::transport::{Assembled, Bounces, Part};
 
@@ -40,7 +41,7 @@ impl Lab {
         self.expect(resolution.pixels());
         let columns = |mut operator: LabOperator| {
             let matrix = brute_force::columns(&mut operator)?;
-            Ok(vec![ExportedMatrix { suffix: "", matrix, direct: None }])
+            Ok(vec![ExportedMatrix { suffix: "", matrix, direct: None, noise: None }])
         };
         self.photos(|_| operators.into_iter().map(columns).collect())
     }
@@ -61,10 +62,11 @@ impl Lab {
                 return (0..count).map(|at| Ok(vec![ExportedMatrix::of(&traced, part, at)?])).collect();
             }
             let direct = if part == Part::Full { self.matrices_of(Part::Direct)? } else { None };
+            let noise = lock(self.transport()?).noise()?.filter(|_| part == Part::Full);
             let mut direct = direct.unwrap_or_default().into_iter();
             let exported = |channel| -> Result<_> {
                 let matrix = self.matrix(part, channel)?;
-                Ok(vec![ExportedMatrix { suffix: "", matrix, direct: direct.next() }])
+                Ok(vec![ExportedMatrix { suffix: "", matrix, direct: direct.next(), noise }])
             };
             return (0..count).map(exported).collect();
         }
@@ -100,6 +102,8 @@ pub struct ExportedMatrix {
     pub matrix: Csr,
     /// Its light of one bounce, if that is known.
     pub direct: Option<Csr>,
+    /// Its noise, if that is known.
+    pub noise: Option<ProductNoise>,
 }
 
 impl ExportedMatrix {
@@ -110,7 +114,12 @@ impl ExportedMatrix {
             Part::Direct => matrix.clone(),
             Part::Global => without_entries(&matrix)?,
         };
-        Ok(Self { suffix: "", matrix, direct: Some(direct) })
+        let noise = transport::product_noise(traced).map(|of| match part {
+            Part::Full => of,
+            Part::Direct => ProductNoise { full: of.direct, direct: of.direct, global: 0.0 },
+            Part::Global => ProductNoise { full: of.global, direct: 0.0, global: of.global },
+        });
+        Ok(Self { suffix: "", matrix, direct: Some(direct), noise })
     }
 }
 
@@ -122,7 +131,7 @@ fn without_entries(matrix: &Csr) -> Result<Csr> {
 pub(super) fn bounces_apart(traced: &Assembled) -> Result<Vec<Vec<ExportedMatrix>>> {
     let later = |suffix, matrix: Csr| {
         let direct = Some(without_entries(&matrix)?);
-        Ok(ExportedMatrix { suffix, matrix, direct })
+        Ok(ExportedMatrix { suffix, matrix, direct, noise: None })
     };
     let channel = |channel| {
         let direct = ExportedMatrix::of(traced, Part::Direct, channel)?;

@@ -180,6 +180,28 @@ impl Lab {
         !matches!(&self.source, Source::Matrix(matrix) if !matrix.has_pictures())
     }
 
+    /// Why no light is independent of an answer; `None` if there may be such light.
+    pub fn has_no_other_light(&self) -> Option<&'static str> {
+        match self.source {
+            Source::Scene(_) | Source::Rig(_) => None,
+            Source::Run(_) | Source::Model(_) => {
+                Some("a finished run has no other photos; ask the scene or the rig")
+            }
+            Source::Matrix(_) => {
+                Some("a matrix has no light paths of another seed; ask the scene or the rig")
+            }
+        }
+    }
+
+    /// Whether the direct light is known separately, without photos.
+    pub fn knows_direct(&self) -> bool {
+        match &self.source {
+            Source::Scene(_) => true,
+            Source::Matrix(matrix) => matrix.has_direct(),
+            Source::Rig(_) | Source::Run(_) | Source::Model(_) => false,
+        }
+    }
+
     /// Refuses a matrix that came without the sizes of its pictures, for `what`, which needs to know neighbouring pixels.
     ///
     /// # Errors

@@ -56,11 +56,3 @@ impl Kind {
         }
     }
 }
-
-/// The expected norm of the error of a product with a vector of norm 1, for each part of the light.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub(super) struct ProductNoise {
-    pub(super) full: f64,
-    pub(super) direct: f64,
-    pub(super) global: f64,
-}

@@ -15,6 +15,7 @@ use super::{
 use crate::analysis::LowRank;
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
+use crate::io::sparse::ProductNoise;
 use crate::journal::{Journal, Key};
 use crate::measure::RigRecord;
 use crate::operator::{Adjoint, Direction, Operator, Symmetry};
@@ -22,7 +23,7 @@ use crate::transport::{
     Assembled, Bounces, Channels, EstimatedOperator, JournaledOperator, Part, Retraced, RetracedOperator,
     Transport, pooled,
 };
-pub(super) use opening::require_photo_memory;
+pub(super) use opening::{product_noise, require_photo_memory};
 
 /// The light transport of a source: the engine that takes photos, and the journal of a scene. A rig keeps its own journal of raw frames.
 pub(super) struct LightTransport {
@@ -127,17 +128,22 @@ impl LightTransport {
         }
     }
 
-    /// The noise, as [`crate::lab::Lab::product_noise`]. It is known from a traced matrix, or from a note in the journal of a run.
-    pub(super) fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
-        let noise = match (&self.engine, &mut self.journal) {
-            (Engine::Replayed(traced), _) => opening::product_noise(traced),
+    /// The noise of the matrix. It is known from a traced matrix, from a matrix file, or from a note in the journal of a run.
+    pub(super) fn noise(&mut self) -> Result<Option<ProductNoise>> {
+        Ok(match (&self.engine, &mut self.journal) {
+            (Engine::Replayed(traced), _) => product_noise(traced),
+            (Engine::Explicit(parts), _) => parts.noise(),
             (Engine::JournalOnly, Some(journal)) => match journal.read_note(notes::NOISE)? {
                 Some(text) => serde_json::from_slice(&text).ok(),
                 None => None,
             },
             _ => None,
-        };
-        Ok(noise.map(|noise: notes::ProductNoise| match part {
+        })
+    }
+
+    /// As [`crate::lab::Lab::product_noise`].
+    pub(super) fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
+        Ok(self.noise()?.map(|noise| match part {
             Part::Full => noise.full,
             Part::Direct => noise.direct,
             Part::Global => noise.global,

@@ -176,13 +176,18 @@ pub struct Saved {
 }
 
 impl Lab {
-    /// Answers a request, and records it in the open run. Fails as [`Verb::check`], [`Verb::check_on`] and [`Verb::answer`].
-    pub fn ask<V: Verb>(&mut self, request: &V) -> Result<V::Answer> {
-        request.check()?;
+    /// Checks that a request fits the source. Fails as [`Verb::check_on`], and as [`Lab::require_pictures`] if the verb needs pictures.
+    pub fn accept<V: Verb>(&self, request: &V) -> Result<()> {
         if V::NEEDS_PICTURES {
             self.require_pictures(V::NAME)?;
         }
-        request.check_on(self)?;
+        request.check_on(self)
+    }
+
+    /// Answers a request, and records it in the open run. Fails as [`Verb::check`], [`Lab::accept`] and [`Verb::answer`].
+    pub fn ask<V: Verb>(&mut self, request: &V) -> Result<V::Answer> {
+        request.check()?;
+        self.accept(request)?;
         if let Some(run) = &mut self.run {
             run.manifest.request = serde_json::to_value(request).ok();
         }

@@ -10,7 +10,7 @@ use super::options::{LightPart, count};
 use crate::error::Result;
 use crate::finding::Grade;
 use crate::io::name::Name;
-use crate::io::sparse::Pictures;
+use crate::io::sparse::{Beside, Pictures};
 use crate::io::{manifest, sparse};
 use crate::lab::{
     CacheChoice, ExportedMatrix, Lab, SharedObserver, SourceKind, TracedShard, join_shards, text,
@@ -163,9 +163,10 @@ fn write(
     let (mut content, mut files, mut nonzeros) = (Content::default(), Vec::new(), Vec::new());
     let mut shape = [0; 2];
     for (channel, suffix) in matrices.iter().zip(channel_suffixes(channels)) {
-        for ExportedMatrix { suffix: bounces, matrix, direct } in channel {
+        for ExportedMatrix { suffix: bounces, matrix, direct, noise } in channel {
             let file = sparse::with_suffix(named, &format!("{bounces}{suffix}"));
-            sparse::write_channel(&file, matrix, direct.as_ref(), pictures)?;
+            let beside = Beside { direct: direct.as_ref(), pictures, noise: *noise };
+            sparse::write_channel(&file, matrix, &beside)?;
             nonzeros.push(matrix.weights().len());
             shape = [matrix.rows(), matrix.cols()];
             content.line(format_args!("wrote     {}", file.display()));

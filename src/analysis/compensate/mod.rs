@@ -17,6 +17,7 @@ mod mixture;
 mod options;
 mod run;
 mod target;
+mod two_sizes;
 
 pub use by_model::{Photograph, compensate_by_model};
 pub use compare::{Clamping, MethodRun, compare_methods};
@@ -32,6 +33,7 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::krylov::{Constraint, Method, Status};
 use crate::operator::{Adjoint, Observed, block, block_mut, product};
+use crate::sparse::Csr;
 use run::{Answer, ROUNDING, Run};
 use target::{norm_of, residual_norm};
 
@@ -106,6 +108,9 @@ pub struct Prior {
     pub geometry: Vec<f64>,
     /// The crosstalk of projector and camera colours. Only for three channels.
     pub crosstalk: Option<Crosstalk>,
+    /// The map from camera to projector of each channel (`n × m`), for methods without a transpose where photos and patterns have different
+    /// sizes. A row is the mean over the camera pixels that see the projector pixel directly.
+    pub map: Vec<Csr>,
     /// The number of photos taken to obtain this knowledge.
     pub photos: usize,
     /// The first pattern of the methods, one plane per channel. By default, methods start from black, or from the target over the white
@@ -116,7 +121,8 @@ pub struct Prior {
 /// Finds the pattern whose photo is `target` times the peak. Solves `A x = b` for each channel, where `b` is the target light minus ambient
 /// light.
 ///
-/// `channels` holds one operator (`n × n`) per channel of the target. The channels are independent systems and are solved one after the
+/// `channels` holds one operator (`m × n`) per channel of the target, with a row for each pixel of the target and a column for each pixel
+/// of a pattern ([`Target::for_projector`]). The channels are independent systems and are solved one after the
 /// other. One colour photo is one product with each operator, so the number of photos is the largest number of products of a channel. The
 /// observer of each operator sees the products of the method and may stop the method; the baseline is not observed. A pattern outside
 /// [floor, 1] is clipped, as by a projector, and the residuals before and after clipping are both reported. [`Method::KrylovBox`] keeps its
@@ -150,7 +156,10 @@ pub fn compensate_with<O: Adjoint>(
     target.fits(channels)?;
     prior.fits(target, channels.len())?;
     let mut scene = Scene { channels, prior };
-    let ones = vec![vec![1.0; target.pixels()]; scene.channels.len()];
+    if !target.has_one_size() {
+        prior.fits_two_sizes(options)?;
+    }
+    let ones = vec![vec![1.0; target.projector().pixels()]; scene.channels.len()];
     let white = scene.photograph(&ones)?;
     let peak = options.peak.map_or_else(|| target.default_peak(&white), Ok)?;
     let b = target.light(peak)?;
@@ -159,9 +168,11 @@ pub fn compensate_with<O: Adjoint>(
     let solved = run.solve(scene.channels, options.method, options.photos, keep)?;
     let preparation = run.preparation;
     let again = solved.photos.max(1);
+    // Between two sizes, the methods without a transpose need the map.
+    let has_map = target.has_one_size() || !prior.map.is_empty();
     let baseline = match options.method {
         Method::Jacobi => solved.history.clone(),
-        _ if !options.baseline => Vec::new(),
+        _ if !options.baseline || !has_map => Vec::new(),
         _ => run.solve(&mut unobserved(scene.channels), Method::Jacobi, again, false)?.history,
     };
 
@@ -176,7 +187,7 @@ pub fn compensate_with<O: Adjoint>(
     };
     let answer = Answer { target, options, peak, b: &b, pattern, observed, uncompensated };
     let found = answer.of(solved)?;
-    let clamping = if keep {
+    let clamping = if keep && has_map {
         let boxed = run.solve(&mut unobserved(scene.channels), Method::KrylovBox, again, false)?.history;
         Some(Clamping { displayed, boxed, uncompensated: found.uncompensated_residual })
     } else {
@@ -197,10 +208,27 @@ impl Prior {
             }
         }
         let geometry = Some(&self.geometry).filter(|plane| !plane.is_empty());
+        if !self.map.is_empty() {
+            Error::check_size("maps from camera to projector", channels, self.map.len())?;
+        }
         for plane in self.direct.iter().chain(geometry).chain(self.start.iter().flatten()) {
             Error::check_size("pixels of what is known beforehand", target.pixels(), plane.len())?;
         }
         Ok(())
+    }
+}
+
+impl Prior {
+    /// Refuses what is not supported where photos and patterns have different sizes.
+    fn fits_two_sizes(&self, options: &CompensateOptions) -> Result<()> {
+        let is_plain = matches!(options.precondition, None | Some(Precondition::None));
+        let fault = "it is for photos and patterns of one size";
+        match (self.crosstalk.is_some(), is_plain, options.out_of_focus) {
+            (true, ..) => Err(Error::option("--crosstalk", fault).help("leave it out")),
+            (_, false, _) => Err(Error::option("--precondition", fault).help("leave it out")),
+            (.., true) => Err(Error::option("--out-of-focus", fault).help("leave it out")),
+            _ => Ok(()),
+        }
     }
 }
 

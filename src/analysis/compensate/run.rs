@@ -6,6 +6,7 @@ use super::crosstalk::{Crosstalk, Mixed, planes};
 use super::defocus::Defocus;
 use super::mixture::Mixture;
 use super::target::{norm_of, residual_norm};
+use super::two_sizes;
 use super::{CompensateOptions, Compensation, CompensationRow, Precondition, Prior, Target};
 use crate::analysis::planes::Planes;
 use crate::analysis::separate::SeparateBy;
@@ -76,9 +77,13 @@ impl Run<'_> {
             // With crosstalk, the white photo is brighter than the product of a channel's operator with ones.
             let white = white[index].iter().map(|value| value / whites[index]).collect();
             let start = starts.as_ref().map(|starts| starts[index].clone());
-            let setup = ((!is_coupled).then_some(index), white, start);
-            let options = self.solve_options(operator, method, photos, setup, whites[index])?;
-            let (solution, answer, taken) = kept(method, operator, &b[index], &options, keep)?;
+            let (solution, answer, taken) = if self.target.has_one_size() {
+                let setup = ((!is_coupled).then_some(index), white, start);
+                let options = self.solve_options(operator, method, photos, setup, whites[index])?;
+                kept(method, operator, &b[index], &options, keep)?
+            } else {
+                two_sizes::solve(self, operator, index, method, photos, keep)?
+            };
             solutions.push(solution);
             answers.push(answer);
             frames.push(taken);
@@ -244,14 +249,17 @@ fn sums(frames: &[Vec<u64>]) -> Vec<u64> {
     (0..most).map(at).collect()
 }
 
-/// Solves a system, and stores the pattern after each photo if `keep` is set. Also returns the number of frames after each photo.
-fn kept(
+/// A solution, the patterns after each photo if they are stored, and the number of frames after each photo.
+pub(super) type Kept = (Solution, Vec<Vec<f64>>, Vec<u64>);
+
+/// Solves a system, and stores the pattern after each photo if `keep` is set.
+pub(super) fn kept(
     method: Method,
     operator: &mut dyn Adjoint,
     b: &[f64],
     options: &SolveOptions,
     keep: bool,
-) -> Result<(Solution, Vec<Vec<f64>>, Vec<u64>)> {
+) -> Result<Kept> {
     let mut answers = Vec::new();
     let relay = |observer: &dyn Observer, step: &Step<'_>| {
         if let (true, Estimate::Solution { iterate, .. }) = (keep, step.estimate) {
@@ -310,8 +318,12 @@ impl Answer<'_> {
         let (radiance, observed) = (target.radiance(peak)?, target.photo(&observed)?);
         let uncompensated = target.photo(&uncompensated)?;
         Ok(Compensation {
-            unclipped: if pattern == solved.patterns { None } else { Some(target.image(&solved.patterns)?) },
-            pattern: target.image(&pattern)?,
+            unclipped: if pattern == solved.patterns {
+                None
+            } else {
+                Some(target.pattern(&solved.patterns)?)
+            },
+            pattern: target.pattern(&pattern)?,
             similarity: similarity(&observed, &radiance, peak)?,
             uncompensated_similarity: similarity(&uncompensated, &radiance, peak)?,
             target: radiance,

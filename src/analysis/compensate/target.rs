@@ -10,6 +10,7 @@ use crate::operator::Adjoint;
 #[derive(Clone, Debug)]
 pub struct Target {
     resolution: Resolution,
+    projector: Resolution,
     target: Planes,
     ambient: Planes,
 }
@@ -27,9 +28,25 @@ impl Target {
         }
         Ok(Self {
             resolution,
+            projector: resolution,
             target: (0..count).map(|channel| target.plane(channel.min(target.channels() - 1))).collect(),
             ambient: (0..count).map(|channel| ambient.plane(channel)).collect(),
         })
+    }
+
+    /// The target for patterns of another size than that of photos.
+    #[must_use]
+    pub fn for_projector(self, projector: Resolution) -> Self {
+        Self { projector, ..self }
+    }
+
+    /// The resolution of patterns.
+    pub fn projector(&self) -> Resolution {
+        self.projector
+    }
+
+    pub(super) fn has_one_size(&self) -> bool {
+        self.resolution == self.projector
     }
 
     /// The target with values mapped from [0, 1] to [`lift`, 1]: `t ← α + (1 − α) t`, where `α` is `lift`.
@@ -38,7 +55,7 @@ impl Target {
         Self { target: self.target.iter().map(plane).collect(), ..self.clone() }
     }
 
-    /// The resolution of patterns and photos.
+    /// The resolution of photos.
     pub fn resolution(&self) -> Resolution {
         self.resolution
     }
@@ -49,10 +66,14 @@ impl Target {
 
     pub(super) fn fits<O: Adjoint>(&self, channels: &[O]) -> Result<()> {
         Error::check_size("operators of a compensation", self.target.len(), channels.len())?;
-        for side in channels.iter().flat_map(|operator| [operator.rows(), operator.cols()]) {
-            Error::check_size("rows and columns of a compensation's operator", self.pixels(), side)?;
-        }
-        Ok(())
+        channels.iter().try_for_each(|operator| {
+            Error::check_size("rows of a compensation's operator", self.pixels(), operator.rows())?;
+            Error::check_size(
+                "columns of a compensation's operator",
+                self.projector.pixels(),
+                operator.cols(),
+            )
+        })
     }
 
     /// The default peak: half the median of the white photo with ambient light. An even scene can then be twice as bright as the peak.
@@ -83,7 +104,28 @@ impl Target {
     /// The target as a pattern. It is dimmed by the ratio of the peak to the median of the white photo (without ambient light).
     pub(super) fn dimmed(&self, white: &[Vec<f64>], peak: f64) -> Planes {
         let bright = median(white.concat());
-        times(if bright > 0.0 { peak / bright } else { 1.0 }, &self.target)
+        let scale = if bright > 0.0 { peak / bright } else { 1.0 };
+        if self.has_one_size() {
+            return times(scale, &self.target);
+        }
+        self.target.iter().map(|plane| self.resampled(plane).map(|value| scale * value).collect()).collect()
+    }
+
+    /// A picture of the camera's size at the centres of the projector's pixels, by bilinear interpolation.
+    fn resampled(&self, plane: &[f64]) -> impl Iterator<Item = f64> {
+        let (from, to) = (self.resolution, self.projector);
+        let place = |pixel: usize, from: usize, to: usize| {
+            let at = ((pixel as f64 + 0.5) * from as f64 / to as f64 - 0.5).clamp(0.0, from as f64 - 1.0);
+            (at as usize, (at as usize + 1).min(from - 1), at.fract())
+        };
+        (0..to.pixels()).map(move |pixel| {
+            let (left, right, share) = place(pixel % to.width, from.width, to.width);
+            let (top, bottom, down) = place(pixel / to.width, from.height, to.height);
+            let row = |y: usize| {
+                (1.0 - share) * plane[y * from.width + left] + share * plane[y * from.width + right]
+            };
+            (1.0 - down) * row(top) + down * row(bottom)
+        })
     }
 
     pub(super) fn radiance(&self, peak: f64) -> Result<Image> {
@@ -94,10 +136,12 @@ impl Target {
         self.image(&sum(light, &self.ambient))
     }
 
-    pub(super) fn image(&self, planes: &[Vec<f64>]) -> Result<Image> {
-        let samples =
-            (0..self.pixels()).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel] as f32));
-        Image::new(self.resolution, planes.len(), samples.collect())
+    fn image(&self, planes: &[Vec<f64>]) -> Result<Image> {
+        Image::from_planes(self.resolution, planes)
+    }
+
+    pub(super) fn pattern(&self, planes: &[Vec<f64>]) -> Result<Image> {
+        Image::from_planes(self.projector, planes)
     }
 }
 

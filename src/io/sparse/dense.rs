@@ -86,7 +86,7 @@ pub(super) fn from_array(path: &Path, array: &npy::Array) -> Result<MatrixFile> 
         camera: Resolution::new(width, height),
         projector: Resolution::new(columns, rows),
     });
-    Ok(MatrixFile { channels, direct: Vec::new(), pictures })
+    Ok(MatrixFile { channels, direct: Vec::new(), pictures, noise: None })
 }
 
 impl Axes {

@@ -8,6 +8,8 @@ mod npz;
 
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use super::atomic;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -25,6 +27,42 @@ pub struct MatrixFile {
     pub direct: Vec<Csr>,
     /// The pictures that rows and columns are, if they are known.
     pub pictures: Option<Pictures>,
+    /// The noise of the matrix, if it is known.
+    pub noise: Option<ProductNoise>,
+}
+
+/// What a file of one channel holds beside the matrix, as far as it is known. Other programs ignore it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Beside<'a> {
+    /// The light of one bounce.
+    pub direct: Option<&'a Csr>,
+    /// The pictures that rows and columns are.
+    pub pictures: Option<Pictures>,
+    /// The noise of the matrix.
+    pub noise: Option<ProductNoise>,
+}
+
+/// The expected norm `‖E‖_F / √n` of the error of a product with a vector of norm 1, for each part of the light. The error is due to the
+/// noise of a traced matrix.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ProductNoise {
+    /// Of all light.
+    pub full: f64,
+    /// Of the light of one bounce.
+    pub direct: f64,
+    /// Of the light of two and more bounces.
+    pub global: f64,
+}
+
+impl ProductNoise {
+    fn values(self) -> [f64; 3] {
+        [self.full, self.direct, self.global]
+    }
+
+    fn of(values: &[f64]) -> Option<Self> {
+        let &[full, direct, global] = values else { return None };
+        values.iter().all(|value| value.is_finite() && *value >= 0.0).then_some(Self { full, direct, global })
+    }
 }
 
 /// The pictures of a light transport matrix. Pixels are counted row by row from the top left.
@@ -38,7 +76,7 @@ pub struct Pictures {
 
 impl From<Csr> for MatrixFile {
     fn from(matrix: Csr) -> Self {
-        Self { channels: vec![matrix], direct: Vec::new(), pictures: None }
+        Self { channels: vec![matrix], direct: Vec::new(), pictures: None, noise: None }
     }
 }
 
@@ -121,19 +159,14 @@ fn colors_apart(matrix: &Csr) -> Result<Vec<Csr>> {
 /// # Errors
 /// [`Error::Data`] for another extension; [`Error::Write`].
 pub fn write(path: &Path, matrix: &Csr) -> Result<()> {
-    write_channel(path, matrix, None, None)
+    write_channel(path, matrix, &Beside::default())
 }
 
-/// As [`write()`], with the light of one bounce and the sizes of the pictures, if they are known. Other programs ignore both.
-pub fn write_channel(
-    path: &Path,
-    matrix: &Csr,
-    direct: Option<&Csr>,
-    pictures: Option<Pictures>,
-) -> Result<()> {
+/// As [`write()`], with what is known beside the matrix.
+pub fn write_channel(path: &Path, matrix: &Csr, beside: &Beside<'_>) -> Result<()> {
     match extension(path).as_str() {
-        "npz" => write_npz(path, matrix, direct, pictures),
-        "mtx" => write_mtx(path, matrix, direct, pictures),
+        "npz" => write_npz(path, matrix, beside),
+        "mtx" => write_mtx(path, matrix, beside),
         _ => Err(unwritable(path)),
     }
 }
@@ -215,7 +248,7 @@ pub fn files_of(path: &Path) -> Vec<PathBuf> {
 }
 
 fn read_colors(path: &Path, files: &[PathBuf]) -> Result<MatrixFile> {
-    let mut whole = MatrixFile { channels: Vec::new(), direct: Vec::new(), pictures: None };
+    let mut whole = MatrixFile { channels: Vec::new(), direct: Vec::new(), pictures: None, noise: None };
     for file in files {
         let color = read_file(file)?;
         let is_like =
@@ -226,6 +259,8 @@ fn read_colors(path: &Path, files: &[PathBuf]) -> Result<MatrixFile> {
         whole.channels.extend(color.channels);
         whole.direct.extend(color.direct);
         whole.pictures = color.pictures;
+        // As for a traced matrix, the noise is that of the first channel.
+        whole.noise = whole.noise.or(color.noise);
     }
     if whole.direct.len() != whole.channels.len() {
         whole.direct.clear();

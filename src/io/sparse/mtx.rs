@@ -7,7 +7,9 @@ use flate2::read::MultiGzDecoder;
 
 use super::super::atomic;
 use super::archive::{MAX_EXPANDED_BYTES, MAX_EXPANSION};
-use super::{Entry, MatrixFile, Pictures, from_entries, pictures, require_sides, unusable};
+use super::{
+    Beside, Entry, MatrixFile, Pictures, ProductNoise, from_entries, pictures, require_sides, unusable,
+};
 use crate::error::Result;
 use crate::file;
 use crate::image::Resolution;
@@ -18,11 +20,12 @@ const COMMENT: &str = "% krylux:";
 
 /// Writes Matrix Market's coordinate format. Indices start at 1, and numbers have enough digits to be read back exactly. A matrix that is
 /// symmetric to the last bit is written as `symmetric` (its lower triangle), and any other matrix as `general`. Comments, which other
-/// programs ignore, hold the sizes of the pictures and the light of one bounce.
+/// programs ignore, hold the sizes of the pictures, the noise and the light of one bounce.
 ///
 /// # Errors
 /// [`crate::Error::Write`], also for a NaN or infinite entry, which the format cannot represent.
-pub fn write_mtx(path: &Path, matrix: &Csr, direct: Option<&Csr>, pictures: Option<Pictures>) -> Result<()> {
+pub fn write_mtx(path: &Path, matrix: &Csr, beside: &Beside<'_>) -> Result<()> {
+    let Beside { direct, pictures, noise } = *beside;
     let is_symmetric = matrix.is_symmetric() && direct.is_none_or(Csr::is_symmetric);
     let stored = |matrix: &Csr| {
         matrix.entries().filter(|&(row, column, _)| !is_symmetric || column <= row).collect::<Vec<_>>()
@@ -43,6 +46,9 @@ pub fn write_mtx(path: &Path, matrix: &Csr, direct: Option<&Csr>, pictures: Opti
             shapes.iter().try_for_each(|(name, Resolution { width, height })| {
                 writeln!(file, "{COMMENT} {name}_shape {height} {width}")
             })?;
+        }
+        if let Some([full, direct, global]) = noise.map(ProductNoise::values) {
+            writeln!(file, "{COMMENT} noise {full:e} {direct:e} {global:e}")?;
         }
         for entry in direct.into_iter().flat_map(stored) {
             finite(&entry)?;
@@ -239,6 +245,12 @@ fn add_notes(path: &Path, file: &mut MatrixFile, kind: Kind, notes: &[(usize, &s
                 let sides: Option<Vec<usize>> =
                     rest.split_whitespace().map(|word| word.parse().ok()).collect();
                 shapes[usize::from(name == "projector_shape")] = sides.ok_or_else(fault)?;
+            }
+            "noise" => {
+                let values: Option<Vec<f64>> =
+                    rest.split_whitespace().map(|word| word.parse().ok()).collect();
+                let noise = values.and_then(|values| ProductNoise::of(&values));
+                file.noise = Some(noise.ok_or_else(fault)?);
             }
             _ => return Err(fault()),
         }

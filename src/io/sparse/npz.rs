@@ -6,7 +6,7 @@ use zip::ZipWriter;
 
 use super::super::atomic;
 use super::archive::{Archive, FirstError, add_format_to_npz, add_to_npz};
-use super::{Entry, MatrixFile, Pictures, dense, from_entries, pictures};
+use super::{Beside, Entry, MatrixFile, ProductNoise, dense, from_entries, pictures};
 use crate::error::Result;
 use crate::sparse::Csr;
 
@@ -15,14 +15,15 @@ const SHAPES: [&str; 2] = ["camera_shape", "projector_shape"];
 
 /// Writes a file that `scipy.sparse.load_npz` reads as a `csr_matrix`. Its type is `float32` if every value is exactly representable in it,
 /// and `float64` otherwise. Further arrays, which SciPy ignores, are `camera_shape` and `projector_shape`, and the light of one bounce as
-/// `direct_indices`, `direct_indptr` and `direct_data`.
+/// `direct_indices`, `direct_indptr` and `direct_data`, and `noise` ([`ProductNoise`]).
 ///
 /// As in SciPy, index arrays are `int32` if all indices fit, and `int64` otherwise. The members of the archive are not compressed and have
 /// a fixed date, so equal matrices give equal bytes.
 ///
 /// # Errors
 /// [`crate::Error::Write`].
-pub fn write_npz(path: &Path, matrix: &Csr, direct: Option<&Csr>, pictures: Option<Pictures>) -> Result<()> {
+pub fn write_npz(path: &Path, matrix: &Csr, beside: &Beside<'_>) -> Result<()> {
+    let Beside { direct, pictures, noise } = *beside;
     atomic::write_with(path, |file| {
         let mut archive = ZipWriter::new(FirstError::new(file));
         add_format_to_npz(&mut archive)?;
@@ -30,6 +31,9 @@ pub fn write_npz(path: &Path, matrix: &Csr, direct: Option<&Csr>, pictures: Opti
         let sizes = pictures.map(|known| [known.camera, known.projector]);
         for (name, size) in SHAPES.into_iter().zip(sizes.into_iter().flatten()) {
             add_to_npz(&mut archive, name, 2, [size.height as i64, size.width as i64].into_iter())?;
+        }
+        if let Some(noise) = noise {
+            add_to_npz(&mut archive, "noise", 3, noise.values().into_iter())?;
         }
         for (prefix, matrix) in [("", Some(matrix)), ("direct_", direct)] {
             let Some(matrix) = matrix else { continue };
@@ -97,6 +101,10 @@ pub(super) fn read(path: &Path) -> Result<MatrixFile> {
     if SHAPES.iter().any(|name| archive.has(name)) {
         let [camera, projector] = [archive.indices(SHAPES[0])?, archive.indices(SHAPES[1])?];
         file.pictures = Some(pictures(path, shape, &camera, &projector)?);
+    }
+    if archive.has("noise") {
+        let noise = ProductNoise::of(&archive.array("noise")?.values);
+        file.noise = Some(noise.ok_or_else(|| archive.fault("its noise is no array of three numbers"))?);
     }
     Ok(file)
 }

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::file;
 use crate::image::{Image, LUMINANCE, Resolution};
 use crate::io::manifest;
-use crate::io::sparse::{self, MatrixFile};
+use crate::io::sparse::{self, MatrixFile, ProductNoise};
 use crate::lab::settings::{ChannelChoice, Settings};
 use crate::measure::RunManifest;
 use crate::operator::Operator;
@@ -44,6 +44,7 @@ impl MatrixSource {
             (ChannelChoice::Luma, 3) => {
                 matrix.channels = gray(&matrix.channels)?;
                 matrix.direct = gray(&matrix.direct)?;
+                matrix.noise = None;
             }
             _ => {}
         }
@@ -74,6 +75,7 @@ impl MatrixSource {
         is_known.then(|| self.matrix.direct.iter().map(Csr::diagonal).collect())
     }
 
+    /// Whether the direct light is held separately.
     pub(in crate::lab) fn has_direct(&self) -> bool {
         !self.matrix.direct.is_empty()
     }
@@ -136,6 +138,10 @@ impl ExplicitParts {
         let source = MatrixSource { matrix: matrix.clone(), name: name.clone(), file: None };
         let none = || (0..matrix.channels.len()).map(|_| None).collect();
         Self { source, operators: [none(), none(), none()] }
+    }
+
+    pub(in crate::lab) fn noise(&self) -> Option<ProductNoise> {
+        self.source.matrix.noise
     }
 
     pub(in crate::lab) fn operator(&mut self, part: Part, channel: usize) -> Result<&mut SparseOperator> {

@@ -7,6 +7,7 @@ use super::{Engine, LightTransport, Retracing, Shape, direct_diagonal};
 use crate::analysis::LowRank;
 use crate::analysis::low_rank::SavedModel;
 use crate::error::{Error, Result};
+use crate::io::sparse::ProductNoise;
 use crate::journal::{Identity, Journal};
 use crate::lab::folder::RunFolder;
 use crate::lab::measured::MeasuredRig;
@@ -190,11 +191,11 @@ impl LightTransport {
 }
 
 /// The noise `‖E‖_F / √n` of each part, in the first channel. Direct light is assumed to have the relative noise of the whole matrix.
-pub(super) fn product_noise(traced: &Assembled) -> Option<notes::ProductNoise> {
+pub(in crate::lab) fn product_noise(traced: &Assembled) -> Option<ProductNoise> {
     let noise = traced.noise.as_ref()?;
     let columns = traced.matrix.projector_resolution().pixels() as f64;
     let of = |part, relative: f64| relative * traced.matrix.frobenius_norm(part, 0) / columns.sqrt();
-    Some(notes::ProductNoise {
+    Some(ProductNoise {
         full: of(Part::Full, noise.operator),
         direct: of(Part::Direct, noise.operator),
         global: of(Part::Global, noise.global),

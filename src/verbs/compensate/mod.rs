@@ -206,10 +206,15 @@ impl Verb for Compensate {
             return self.by_model(lab);
         }
         let is_symmetric = self.crosstalk.is_none() && lab.is_symmetric()?;
-        let options = self.options(is_symmetric, lab.photos_of_run());
+        let mut options = self.options(is_symmetric, lab.photos_of_run());
+        if self.method.is_none() && !self.paper && lab.resolution() != lab.projector_resolution() {
+            // Light that is let through in both directions gives the least-squares optimum itself.
+            options.method = Method::Fista;
+        }
         let options = CompensateOptions { baseline: lab.is_simulated()?, ..options };
         lab.allow_photos(options.photos);
         let target = Target::new(&self.target(lab.resolution(), lab.channels())?, &lab.ambient()?)?;
+        let target = target.for_projector(lab.projector_resolution());
         let prior = self.prior(&options, lab)?;
         let mut channels = lab.operators(Part::Full)?;
         lab.expect(1 + options.photos);
@@ -267,7 +272,7 @@ impl Compensate {
     /// [`Error::Option`] naming `--target`, or [`Error::Data`] and [`Error::Read`] naming its file.
     pub fn target(&self, resolution: Resolution, channels: Channels) -> Result<Image> {
         let image = match &self.target {
-            Some(Picture::File(path)) => picture::read_sized(path, resolution, "the projector")?,
+            Some(Picture::File(path)) => picture::read_sized(path, resolution, "the camera")?,
             Some(Picture::Pixels(image)) => image.clone(),
             None => return Err(no_target()),
         };
@@ -362,7 +367,14 @@ impl Compensate {
             Some(Precondition::Direct) if lab.is_simulated()? => lab.white_of(Part::Direct)?,
             _ => Vec::new(),
         };
-        Ok(Prior { direct, geometry, crosstalk, photos, start: None })
+        let map = match lab.resolution() == lab.projector_resolution() {
+            true => Vec::new(),
+            false => {
+                let direct = lab.matrices_of(Part::Direct)?;
+                direct.iter().flatten().map(|direct| direct.transposed().with_row_sums_of_one()).collect()
+            }
+        };
+        Ok(Prior { direct, geometry, crosstalk, map, photos, start: None })
     }
 }
 

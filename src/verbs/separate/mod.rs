@@ -113,10 +113,10 @@ impl Verb for Separate {
             (self.compare, "--compare"),
             (self.max_error.is_some(), "--max-error"),
         ];
-        let is_scene = lab.kind() == SourceKind::Scene;
-        if let Some((_, option)) = asked.into_iter().find(|(is_asked, _)| *is_asked && !is_scene) {
-            return Err(Error::option(option, "a rig does not know the exact bounces of its light")
-                .help("leave it out, or give a scene"));
+        let knows = |option| lab.kind() == SourceKind::Scene || option != "--bounces" && lab.knows_direct();
+        if let Some((_, option)) = asked.into_iter().find(|&(is_asked, option)| is_asked && !knows(option)) {
+            return Err(Error::option(option, "the exact bounces of this light are not known")
+                .help("leave it out, or give a scene, or a matrix that krylux wrote"));
         }
         check_vectors("--photos", self.budget(lab), lab.projector_resolution().pixels())?;
         by.map_or(Ok(()), SeparateBy::check)
@@ -126,21 +126,21 @@ impl Verb for Separate {
     /// compute the truth.
     fn answer(&self, lab: &mut Lab) -> Result<Separated> {
         lab.allow_photos(self.budget(lab));
-        let (is_scene, seed) = (lab.kind() == SourceKind::Scene, lab.seed());
-        if is_scene {
+        let (knows_direct, seed) = (lab.knows_direct(), lab.seed());
+        if knows_direct {
             lab.without_journal();
         }
         lab.prepare()?;
-        let exact = if is_scene { Some(lab.timed("exact bounces", exact_bounces)?) } else { None };
+        let exact = if knows_direct { Some(lab.timed("exact bounces", exact_bounces)?) } else { None };
         let mut found = match self.by(lab) {
             Some(by) => self.by_photos(lab, by, exact.as_ref())?,
-            // Only a scene uses the exact method, so the source is a scene here.
+            // Only a source that knows its direct light uses the exact method.
             None => Separated::exact(self, lab.resolution(), exact.clone().unwrap_or_default()),
         };
         if self.bounces {
             found.bounces = lab.assembled()?.map(|traced| second_and_rest(&traced.matrix)).transpose()?;
         }
-        let probes = self.probes.unwrap_or(if is_scene { 100 } else { 0 });
+        let probes = self.probes.unwrap_or(if knows_direct { 100 } else { 0 });
         if probes > 0 {
             let sigma = self.sigma.unwrap_or_else(|| default_sigma(lab.resolution()));
             let options = NearFarOptions { sigma, photos: probes, seed };
@@ -165,8 +165,8 @@ impl Separate {
     /// The method with its settings; `None` for exact light from a simulator.
     fn by(&self, lab: &Lab) -> Option<SeparateBy> {
         let photos = self.budget(lab);
-        let is_scene = lab.kind() == SourceKind::Scene;
-        let default = if is_scene { SeparationMethod::Exact } else { SeparationMethod::Checkerboards };
+        let default =
+            if lab.knows_direct() { SeparationMethod::Exact } else { SeparationMethod::Checkerboards };
         Some(match self.by.unwrap_or(default) {
             SeparationMethod::Exact => return None,
             SeparationMethod::Checkerboards => {
