@@ -110,6 +110,18 @@ impl Csr {
         Self { cols: self.rows(), row_start, columns, weights }
     }
 
+    /// `A x`, for a small matrix. [`SparseOperator`] uses all cores.
+    pub(crate) fn times(&self, x: &[f64]) -> Vec<f64> {
+        (0..self.rows()).map(|row| self.row_times(row, x)).collect()
+    }
+
+    fn row_times(&self, row: usize, x: &[f64]) -> f64 {
+        let (columns, weights) = self.row(row);
+        let products = columns.iter().zip(weights).map(|(&column, weight)| weight * x[column as usize]);
+        // The sum of no products is −0 without this.
+        products.sum::<f64>() + 0.0
+    }
+
     /// The diagonal, with one value for each row. The value is 0 if the row stores no diagonal entry.
     pub fn diagonal(&self) -> Vec<f64> {
         let own = |row: usize| {
@@ -240,8 +252,7 @@ fn multiply(matrix: &Csr, x: &[f64], y: &mut [f64]) -> Result<()> {
     Error::check_size("entries of the product", matrix.rows(), y.len())?;
     y.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(task, rows)| {
         for (row, value) in (task * ROWS_PER_TASK..).zip(rows) {
-            let (columns, weights) = matrix.row(row);
-            *value = columns.iter().zip(weights).map(|(&column, weight)| weight * x[column as usize]).sum();
+            *value = matrix.row_times(row, x);
         }
     });
     Ok(())

@@ -33,7 +33,7 @@ class Lab(Asking):
     Attributes:
         kind: ``"scene"``, ``"rig"``, ``"run"`` or ``"matrix"``.
         name: A short name, for folders and titles.
-        shape, projector_shape: ``(height, width)`` of photos and of patterns. A matrix of ``n`` rows has ``(1, n)``.
+        shape, projector_shape: ``(height, width)`` of photos and of patterns. A matrix of ``n`` rows that came without sizes has ``(1, n)``.
         channels: 1 (gray) or 3.
         unit: The unit of photos: W/(m² sr) for scenes, DN/s for rigs.
         seed: Seeds starting vectors and other choices by chance outside of the tracer.
@@ -397,11 +397,11 @@ def open(
 
     Args:
         source: A scene (``.glb``, ``.gltf``, ``.obj``), a rig file (``.toml``), the folder of an earlier run, a matrix
-            file (``.npz``, ``.mtx``, ``.npy``), a SciPy sparse matrix, a NumPy array of two dimensions, or devices of
-            Python.
+            file (``.npz``, ``.npy``, ``.mtx``, ``.mtx.gz``, ``.mat``), a SciPy sparse matrix, a NumPy array (a matrix, or
+            ``[H, W, h, w]``), or devices of Python.
         size: Pixels of camera and projector: the side of a square, or ``(width, height)``. Default 128, or what a rig
-            file says.
-        projector_size: Pixels of a projector that stands apart from the camera.
+            file says. For a matrix that came without it, the size of its photos, whose pixels are rows.
+        projector_size: Pixels of a projector that stands apart from the camera, or of the patterns of a matrix.
         spp: Light paths per camera pixel. Default 64.
         max_bounces: Surfaces that a light path meets at most; 1 is direct light only. Default 6.
         seed: Selects the random numbers of the tracer and of starting vectors. Default 0.
@@ -465,11 +465,17 @@ def _source(source, name):
         return source._request(name)
     if isinstance(source, (str, os.PathLike)):
         path = os.fspath(source)
-        if not os.path.exists(path):
+        if not os.path.exists(path) and not path.endswith((".npz", ".mtx", ".npy", ".mat", ".gz")):
             raise _checks.refuse("source", f"there is no file or folder {path!r}",
                                  "give a scene (.glb, .gltf, .obj), a rig file (.toml), a run folder, or a matrix")
         return {"source": path}
-    return {"source": name or "matrix", "matrix": _matrix(source)}
+    sizes = {}
+    shape = np.shape(source)
+    if len(shape) == 4:
+        # An array of the camera's and the projector's axes knows its pictures.
+        sizes = {"size": (shape[1], shape[0]), "projector_size": (shape[3], shape[2])}
+        source = np.reshape(source, (shape[0] * shape[1], shape[2] * shape[3]))
+    return {"source": name or "matrix", "matrix": _matrix(source)} | sizes
 
 
 def _matrix(source):
@@ -479,7 +485,7 @@ def _matrix(source):
     if not scipy.sparse.issparse(source):
         dense = _checks.real_array(source, "source", np.float64)
         if dense.ndim != 2:
-            raise _checks.refuse("source", f"its shape is {dense.shape}", "give a matrix, a path or a rig")
+            raise _checks.refuse("source", f"its shape is {dense.shape}", "give a matrix, an array of [H, W, h, w], a path or a rig")
         source = scipy.sparse.csr_array(dense)
     matrix = scipy.sparse.csr_array(source)
     _checks.real_array(matrix.data, "source", np.float64)

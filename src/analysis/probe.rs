@@ -12,13 +12,14 @@ use rand_pcg::Pcg64;
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::operator::{Operator, check_square, product};
+use crate::operator::{Operator, product};
 use crate::sparse::Csr;
 
 /// A selection of light paths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Probing {
-    /// Paths that return to the pixel where they started: on a coaxial rig, direct light.
+    /// Paths that return to the pixel where they started: on a coaxial rig, direct light. Where photos and patterns have different sizes,
+    /// paths that return to the camera pixel which their projector pixel lights directly.
     Direct,
     /// All paths except the paths of `Direct`.
     Indirect,
@@ -96,17 +97,24 @@ impl Probing {
         }
     }
 
-    /// `(Π ∘ A) 1` from the matrix itself (`n × n`), without noise.
-    pub fn exact(self, matrix: &Csr, resolution: Resolution) -> Vec<f64> {
+    /// `(Π ∘ A) 1` from the matrix itself, without noise. `resolution` is that of patterns, and `homes` is as for [`probe`].
+    pub fn exact(self, matrix: &Csr, resolution: Resolution, homes: Option<&Homes>) -> Vec<f64> {
         let place = |pixel: usize| [(pixel % resolution.width) as f64, (pixel / resolution.width) as f64];
         let mut sums = vec![0.0; matrix.rows()];
         matrix.entries().for_each(|(row, column, weight)| {
-            let ([x, y], [u, v]) = (place(row), place(column));
-            sums[row] += self.weight((x - u).hypot(y - v)) * weight;
+            let home = homes.map_or(Some(row), |homes| homes[row]);
+            let distance = home.map_or(f64::INFINITY, |home| {
+                let ([x, y], [u, v]) = (place(home), place(column));
+                (x - u).hypot(y - v)
+            });
+            sums[row] += self.weight(distance) * weight;
         });
         sums
     }
 }
+
+/// For each camera pixel, the projector pixel that lights it directly, if there is one. Distances are measured from there.
+pub type Homes = [Option<usize>];
 
 /// A probed photo.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,36 +127,37 @@ pub struct Probed {
     pub photos: usize,
 }
 
-/// Probes with `photos ≥ 2` random patterns. Each pattern takes one product with `operator` (`n × n`), or two products for
-/// [`Probing::NearIndirect`]. [`Probing::Indirect`] and [`Probing::Far`] take one more product with white, from which they subtract the
+/// Probes with `photos ≥ 2` random patterns of this resolution (`n` pixels). Each pattern takes one product with `operator` (`m × n`), or
+/// two products for [`Probing::NearIndirect`]. Without `homes`, photos have the pixels of patterns. [`Probing::Indirect`] and [`Probing::Far`] take one more product with white, from which they subtract the
 /// probed light.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--photos` or `--sigma`; [`Error::Dimension`] if sizes differ; any error of the operator.
 pub fn probe(
     operator: &mut dyn Operator,
-    resolution: Resolution,
+    (resolution, homes): (Resolution, Option<&Homes>),
     probing: Probing,
     photos: usize,
     seed: u64,
 ) -> Result<Probed> {
     probing.check()?;
-    let n = resolution.pixels();
-    check_square("the transport operator to be probed", n, operator)?;
+    let (n, m) = (resolution.pixels(), homes.map_or(resolution.pixels(), <[_]>::len));
+    let found = format!("{}x{}", operator.rows(), operator.cols());
+    Error::check_size("the transport operator to be probed", format!("{m}x{n}"), found)?;
     if photos < 2 {
         return Err(Error::option("--photos", format!("{photos} tell no error")).help("give at least 2"));
     }
     let mut random = Pcg64::seed_from_u64(seed);
     let kernel = kernel(probing.sigma());
-    let (mut mean, mut squares) = (vec![0.0; n], vec![0.0; n]);
+    let (mut mean, mut squares) = (vec![0.0; m], vec![0.0; m]);
     let mut products = 0;
     for index in 0..photos {
         let signs = Signs::draw(resolution, kernel.len() / 2, &mut random);
-        let mut sample = correlation(operator, &signs.smoothed(&kernel))?;
+        let mut sample = correlation(operator, homes, &signs.smoothed(&kernel))?;
         products += 1;
         if let Probing::NearIndirect { .. } = probing {
             // Both patterns use the same signs, so that their common noise cancels in the difference.
-            let direct = correlation(operator, &signs.smoothed(&[1.0]))?;
+            let direct = correlation(operator, homes, &signs.smoothed(&[1.0]))?;
             products += 1;
             sample.iter_mut().zip(direct).for_each(|(near, direct)| *near -= direct);
         }
@@ -175,9 +184,11 @@ pub(super) fn smooth_patterns(resolution: Resolution, sigma: f64, count: usize, 
     (0..count).map(|_| Signs::draw(resolution, kernel.len() / 2, &mut random).smoothed(&kernel)).collect()
 }
 
-fn correlation(operator: &mut dyn Operator, pattern: &[f64]) -> Result<Vec<f64>> {
+fn correlation(operator: &mut dyn Operator, homes: Option<&Homes>, pattern: &[f64]) -> Result<Vec<f64>> {
     let photo = product(operator, pattern)?;
-    Ok(photo.iter().zip(pattern).map(|(photo, mask)| photo * mask).collect())
+    let mask =
+        |pixel: usize| homes.map_or(Some(pixel), |homes| homes[pixel]).map_or(0.0, |home| pattern[home]);
+    Ok(photo.iter().enumerate().map(|(pixel, photo)| photo * mask(pixel)).collect())
 }
 
 /// A Gaussian of standard deviation `σ/√2`. Its autocorrelation is a Gaussian of standard deviation `σ`, and its squares add up to 1.

@@ -1,4 +1,4 @@
-//! `krylux info`: the adapters, and the content of a scene or a rig file.
+//! `krylux info`: the adapters, and the content of a scene, a rig file or a matrix file.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -17,17 +17,19 @@ use crate::io::atomic;
 use crate::io::name::Name;
 use crate::io::raster::Raster;
 use crate::io::raster::encode_srgb;
+use crate::io::sparse::{self, Pictures};
 use crate::lab::{self, SourceKind};
 use crate::measure::RigFile;
 use crate::render;
 use crate::scene::{self, Camera, LoadOptions, Scene};
+use crate::sparse::Csr;
 use crate::verbs::rig::about;
 
-/// Show the graphics adapters and their limits, and what is in a scene or a rig file
+/// Show the graphics adapters and their limits, and what is in a scene, a rig file or a matrix file
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  krylux info\n  krylux info scene.glb")]
 pub(super) struct Args {
-    /// A scene (.glb, .gltf, .obj) or a rig (.toml) to describe as well
+    /// A scene (.glb, .gltf, .obj), a rig (.toml) or a matrix (.npz, .npy, .mtx, .mtx.gz, .mat) to describe as well
     #[arg(value_name = "SOURCE")]
     source: Option<PathBuf>,
     #[command(flatten)]
@@ -49,8 +51,12 @@ const SIDE: usize = 512;
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut scene = None;
     let mut rig = None;
+    let mut matrix = None;
     match &args.source {
         Some(path) if SourceKind::of(path) == SourceKind::Rig => rig = Some(about(&RigFile::load(path)?)),
+        Some(path) if SourceKind::of(path) == SourceKind::Matrix => {
+            matrix = Some(about_matrix(path, console)?)
+        }
         Some(path) => scene = Some(load(path, &args.view, console)?),
         None => {}
     }
@@ -61,8 +67,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         say_scene(scene, console)?;
         show(scene, args, console)?;
     } else if let Some(option) = args.picture.as_ref().map(|_| "--output").or(args.draw.then_some("--draw")) {
-        return Err(Error::option(option, "only scenes are drawn, and this is a rig")
-            .help("give the scene that the rig file names"));
+        return Err(Error::option(option, "only scenes are drawn").help("give a scene"));
     }
     if let (Some(scene), Some(file)) = (&scene, &args.write_camera) {
         atomic::write_bytes(file, scene.camera.to_toml(scene.origin).as_bytes())?;
@@ -93,12 +98,59 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         "adapters": adapters,
         "scene": scene.as_ref().map(describe),
         "rig": rig,
+        "matrix": matrix,
     }))?;
-    // The command fails without an adapter, unless the source is a rig, which may not need one.
-    if adapters.is_empty() && rig.is_none() {
+    // The command fails without an adapter, unless the source is a rig or a matrix, which need none.
+    if adapters.is_empty() && rig.is_none() && matrix.is_none() {
         return Err(render::no_adapter());
     }
     Ok(Outcome::Done)
+}
+
+/// Describes a matrix file.
+fn about_matrix(path: &Path, console: &Console) -> Result<serde_json::Value> {
+    let file = sparse::read_file(path)?;
+    let [rows, columns] = file.shape();
+    let entries: usize = file.channels.iter().map(|matrix| matrix.weights().len()).sum();
+    let is_symmetric = file.channels.iter().all(Csr::is_symmetric);
+    let count = |number: usize| HumanCount(number as u64);
+    console.say(format_args!("matrix    {}", path.display()))?;
+    console.say(format_args!(
+        "  shape   {} rows, {} columns, {} entries in {} channel(s); {}",
+        count(rows),
+        count(columns),
+        count(entries),
+        file.channels.len(),
+        if is_symmetric { "symmetric to the last bit" } else { "not symmetric" }
+    ))?;
+    match file.pictures {
+        Some(Pictures { camera, projector }) => {
+            console.say(format_args!("  photos  {camera} pixels; patterns {projector}"))?;
+        }
+        None => console.say(format_args!(
+            "  photos  of unknown size: give --size, and --projector-size if patterns differ"
+        ))?,
+    }
+    let direct = if file.direct.is_empty() { "not held separately" } else { "held separately" };
+    console.say(format_args!("  direct  light of one bounce is {direct}"))?;
+    if let Some(noise) = file.noise {
+        console.say(format_args!(
+            "  noise   {:.3e}: the error of a product with a pattern of norm 1",
+            noise.full
+        ))?;
+    }
+    Ok(json!({
+        "file": Name::from(path),
+        "rows": rows,
+        "columns": columns,
+        "entries": entries,
+        "channels": file.channels.len(),
+        "is_symmetric": is_symmetric,
+        "camera": file.pictures.map(|pictures| pictures.camera),
+        "projector": file.pictures.map(|pictures| pictures.projector),
+        "has_direct": !file.direct.is_empty(),
+        "noise": file.noise,
+    }))
 }
 
 /// Loads the scene and reports what was ignored in it.

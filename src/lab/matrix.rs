@@ -93,6 +93,46 @@ impl Lab {
     }
 }
 
+impl Lab {
+    /// The map from camera to projector of each channel, if photos and patterns have different sizes and a matrix is in memory; otherwise
+    /// empty. A row is the mean over the camera pixels that a projector pixel lights directly. If the direct light is not known, all light
+    /// takes its place.
+    pub(crate) fn maps_to_projector(&mut self) -> Result<Vec<Csr>> {
+        if self.resolution() == self.projector_resolution() {
+            return Ok(Vec::new());
+        }
+        let light = match self.matrices_of(Part::Direct)? {
+            Some(direct) => Some(direct),
+            None => self.matrices_of(Part::Full)?,
+        };
+        Ok(light.iter().flatten().map(|light| light.transposed().with_row_sums_of_one()).collect())
+    }
+
+    /// The projector pixel that lights each camera pixel most, if photos and patterns have different sizes.
+    ///
+    /// # Errors
+    /// [`Error::Option`] if no matrix is in memory.
+    pub(crate) fn homes(&mut self) -> Result<Option<Vec<Option<usize>>>> {
+        if self.resolution() == self.projector_resolution() {
+            return Ok(None);
+        }
+        let Some(map) = self.maps_to_projector()?.into_iter().next() else {
+            return Err(Error::option(
+                "--operator",
+                "photos and patterns have different sizes, and without a matrix the map between them is not known",
+            )
+            .help("use --operator replay, or give both one size"));
+        };
+        let light = map.transposed();
+        let home = |row: usize| {
+            let (columns, weights) = light.row(row);
+            let brightest = columns.iter().zip(weights).max_by(|a, b| a.1.total_cmp(b.1))?;
+            (*brightest.1 > 0.0).then_some(*brightest.0 as usize)
+        };
+        Ok(Some((0..light.rows()).map(home).collect()))
+    }
+}
+
 /// A matrix for a file.
 #[derive(Clone, Debug)]
 pub struct ExportedMatrix {

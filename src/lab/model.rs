@@ -13,27 +13,34 @@ impl Lab {
     /// patterns. Each further pattern is a photo that is projected back. If `block` is 1, only white is chosen.
     ///
     /// # Errors
-    /// As [`capture_channels`] and [`Lab::operators`]; [`Error::Option`] if camera and projector differ in their number of pixels.
+    /// As [`capture_channels`] and [`Lab::operators`]; [`Error::Option`] if photos and patterns have different sizes and no matrix is in
+    /// memory.
     pub fn capture_model(&mut self, photos: usize, block: usize) -> Result<SavedModel> {
         let (resolution, projector) = (self.resolution(), self.projector_resolution());
-        if resolution.pixels() != projector.pixels() {
+        let maps = self.maps_to_projector()?;
+        if resolution != projector && maps.is_empty() {
             return Err(Error::option("--projector-size", format!(
-                    "the camera has {resolution} pixels and the projector {projector}, but a Krylov process projects its photos"
-                )).help("give both as many pixels"));
+                    "photos have {resolution} pixels and patterns {projector}, and without a matrix the map between them is not known"
+                )).help("give both one size, or use --operator replay"));
         }
+        // A matrix that came without its direct light keeps that in the model.
+        let is_apart = resolution == projector || self.knows_direct();
         self.transport()?;
         let (name, unit) = (self.name(), self.unit().to_owned());
         let seed = self.seed();
         let channels = self.photos(|lab| {
             let ambient = lab.ambient()?;
-            let direct = lab.direct_parts()?;
+            let direct = match is_apart {
+                true => lab.direct_parts()?,
+                false => vec![DirectPart::Diagonal(Vec::new()); lab.channels().count()],
+            };
             // The block is limited by the number of photos and by the number of pixels.
             let block = block.min(photos).min(projector.pixels());
             let beside = smooth_starts(projector, block.max(1) - 1, seed);
-            let options = LowRankCapture { photos, start: None, beside };
+            let options = LowRankCapture { photos, start: None, beside, map: None };
             lab.expect(photos);
-            let mut operators = lab.operators(Part::Global)?;
-            Ok((ambient, capture_channels(&mut operators, direct, &options)?))
+            let mut operators = lab.operators(if is_apart { Part::Global } else { Part::Full })?;
+            Ok((ambient, capture_channels(&mut operators, direct, &options, &maps)?))
         });
         let (ambient, channels) = channels?;
         Ok(SavedModel { channels, ambient, resolution, projector, unit, source: name })

@@ -178,7 +178,8 @@ impl CacheChoice {
 /// because requests have fields of the same names, such as `photos`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, clap::Args)]
 pub struct TraceOverrides {
-    /// Pixels of the camera, and of the projector where that has no --projector-size: 128, or 128x96 [default: 128]
+    /// Pixels of the camera, and of the projector where that has no --projector-size: 128, or 128x96; for a matrix that came without them,
+    /// the size of its photos [default: 128]
     #[arg(id = "size", long = "size", value_name = "N|WxH", value_parser = size)]
     pub resolution: Option<Resolution>,
     /// Light paths per camera pixel [default: 64]
@@ -205,7 +206,7 @@ pub struct TraceOverrides {
     /// [default: 1]
     #[arg(id = "gather_radius", long = "gather-radius", value_name = "R", value_parser = radius)]
     pub radius: Option<f32>,
-    /// Pixels of a projector that stands apart from the camera [default: those of the camera]
+    /// Pixels of a projector that stands apart from the camera, or of the patterns of a matrix [default: those of the camera]
     #[arg(id = "projector_size", long = "projector-size", value_name = "N|WxH", value_parser = size)]
     pub projector: Option<Resolution>,
 }

@@ -78,11 +78,12 @@ impl Verb for Audit {
         if let Some(found) = measured {
             return Ok(AuditReport { devices, ..found });
         }
-        let resolution = lab.resolution();
+        let (resolution, patterns) = (lab.resolution(), lab.projector_resolution());
         lab.photos(|lab| {
-            let direct = lab.white_of(Part::Direct)?.swap_remove(0);
+            let is_known = resolution == patterns || lab.knows_direct();
+            let direct = if is_known { Some(lab.white_of(Part::Direct)?.swap_remove(0)) } else { None };
             let mut full = lab.reference_operators(Part::Full)?.swap_remove(0);
-            audit(&mut Exact { full: &mut full, direct: Some(direct), resolution }, options)
+            audit(&mut Exact { full: &mut full, direct, resolution, patterns }, options)
         })
     }
 }

@@ -21,6 +21,7 @@ use crate::report::figure;
 use crate::report::html::Block;
 use crate::report::run::AnswerPage;
 use crate::report::text::percentage;
+use crate::sparse::Csr;
 use crate::transport::{Channels, Part};
 
 /// Probe light transport: a photo of which only direct, indirect, near or far light paths are let through
@@ -86,7 +87,7 @@ impl Verb for Probe {
     type Answer = ProbedLight;
 
     fn check_on(&self, lab: &Lab) -> Result<()> {
-        self.probing(lab.resolution()).check()
+        self.probing(lab.projector_resolution()).check()
     }
 
     fn channels(&self, _: &Path) -> Result<ChannelChoice> {
@@ -98,13 +99,18 @@ impl Verb for Probe {
         let photos = self.photos.or(lab.photos_of_run()).unwrap_or(100);
         lab.allow_photos(photos);
         let (resolution, seed) = (lab.resolution(), lab.seed());
-        let probing = self.probing(resolution);
+        let probing = self.probing(lab.projector_resolution());
         let mut operators = lab.operators(Part::Full)?;
         lab.expect(probing.photos(photos));
-        let one = |operator: &mut LabOperator| probe(operator, resolution, probing, photos, seed);
+        let projector = lab.projector_resolution();
+        let homes = lab.homes()?;
+        let one = |operator: &mut LabOperator| {
+            probe(operator, (projector, homes.as_deref()), probing, photos, seed)
+        };
         let found = lab.photos(|_| operators.iter_mut().map(one).collect::<Result<Vec<_>>>())?;
         let matrices = lab.matrices_of(Part::Full)?;
-        let truth = matrices.map(|of| of.iter().map(|matrix| probing.exact(matrix, resolution)).collect());
+        let exact = |matrix: &Csr| probing.exact(matrix, projector, homes.as_deref());
+        let truth = matrices.map(|of| of.iter().map(exact).collect());
         Ok(ProbedLight::new((self.paths, probing), resolution, found, truth))
     }
 }

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::options::{count, defaults, method, number};
 use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade};
+use crate::image::Resolution;
 use crate::io::npy;
 use crate::krylov::{Method, Solution, SolveOptions, Stats, Status, solve_adjoint};
 use crate::lab::{Answer, GivenArray, Lab, Verb};
@@ -89,7 +90,14 @@ impl Verb for Solve {
     }
 
     fn check_on(&self, lab: &Lab) -> Result<()> {
-        self.right_hand_side(lab.resolution().pixels()).map(drop)
+        let [rows, columns] = [lab.resolution(), lab.projector_resolution()].map(Resolution::pixels);
+        if rows != columns && !matches!(self.method, Method::Lsqr | Method::Lsmr) {
+            let name = self.method.facts().name;
+            let fault =
+                format!("{name} is for square matrices, and this one has {rows} rows and {columns} columns");
+            return Err(Error::option("--method", fault).help("use lsmr or lsqr"));
+        }
+        self.right_hand_side(rows).map(drop)
     }
 
     fn give(&mut self, given: Vec<GivenArray>) -> Result<()> {

@@ -29,5 +29,6 @@ mod products;
 mod reproduce;
 mod rig;
 mod shards;
+mod sources;
 mod streams;
 mod verbs;

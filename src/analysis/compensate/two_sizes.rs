@@ -100,13 +100,13 @@ fn by_map(
             .help("use fista, or give a scene, or a matrix that holds its direct light separately"));
     };
     if method.facts().constraint != Constraint::None {
-        options.diagonal = Some(mapped(map, &run.white[channel]));
+        options.diagonal = Some(map.times(&run.white[channel]));
     }
     let target = &run.b[channel];
     let [lower, upper] = [options.lower, options.upper];
     let seen = RefCell::new(Seen { target, lower, upper, best: None, rises: 0, rows: Vec::new() });
     let mut square = Mapped { operator, map, seen: &seen };
-    let b = mapped(map, target);
+    let b = map.times(target);
     let mut watched = Relayed::new(&mut square, |observer: &dyn Observer, step: &Step<'_>| {
         let flow = observer.step(step);
         if seen.borrow().rises < RISES { flow } else { ControlFlow::Break(()) }
@@ -129,15 +129,6 @@ fn padded(values: &[f64], size: usize) -> Vec<f64> {
     let mut padded = values.to_vec();
     padded.resize(size, 0.0);
     padded
-}
-
-/// `W y`.
-fn mapped(map: &Csr, y: &[f64]) -> Vec<f64> {
-    let row = |row| {
-        let (columns, weights) = map.row(row);
-        columns.iter().zip(weights).map(|(&column, weight)| weight * y[column as usize]).sum()
-    };
-    (0..map.rows()).map(row).collect()
 }
 
 /// A rectangular operator with rows or columns of zeros, so that it is square.
@@ -243,7 +234,7 @@ impl Operator for Mapped<'_, '_> {
         let mut photo = vec![0.0; self.operator.rows()];
         self.operator.apply(x, &mut photo)?;
         self.seen.borrow_mut().look(x, &photo);
-        y.copy_from_slice(&mapped(self.map, &photo));
+        y.copy_from_slice(&self.map.times(&photo));
         Ok(())
     }
 }

@@ -7,7 +7,8 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::krylov::{Factorization, Start, dot, norm};
 use crate::observer::{Estimate, Step};
-use crate::operator::{Operator, Product, Recorded, Symmetry};
+use crate::operator::{Operator, Product, Recorded, Symmetry, delegate, product};
+use crate::sparse::Csr;
 
 /// The options of a low-rank capture.
 #[derive(Clone, Debug)]
@@ -20,6 +21,9 @@ pub struct LowRankCapture {
     /// eigenspace. It hardly separates similar regions that exchange no light, such as the cups of an egg carton, but [`smooth_starts`]
     /// separate them.
     pub beside: Vec<Vec<f64>>,
+    /// The map `W` from camera to projector (`n × m`), if photos and patterns have different sizes. The process then projects `W` times its
+    /// photos.
+    pub map: Option<Csr>,
 }
 
 /// Returns `count` smooth random patterns (`n` each) for [`LowRankCapture::beside`]. They are random signs blurred by a sixteenth of the
@@ -33,16 +37,16 @@ pub fn smooth_starts(resolution: Resolution, count: usize, seed: u64) -> Vec<Vec
 
 impl Default for LowRankCapture {
     fn default() -> Self {
-        Self { photos: 40, start: None, beside: Vec::new() }
+        Self { photos: 40, start: None, beside: Vec::new(), map: None }
     }
 }
 
-/// Captures a model from `photos` photos with `operator` (`n × n`, without its direct light). `direct` is the direct image under white
+/// Captures a model from `photos` photos with `operator` (`m × n`, without its direct light). `direct` is the direct image under white
 /// (`n`), or empty if direct light stays in the operator. The operator's observer sees each photo ([`Estimate::Unpredicted`]). If the
 /// observer breaks, the capture ends with the photos taken so far.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `operator` is not square or `direct` has another length; any
+/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `operator` is not square and there is no map, or if `direct` has another length; any
 /// error of the operator.
 pub fn capture(operator: &mut dyn Operator, direct: &[f64], options: &LowRankCapture) -> Result<LowRank> {
     let n = operator.cols();
@@ -56,9 +60,10 @@ pub fn capture(operator: &mut dyn Operator, direct: &[f64], options: &LowRankCap
         let mut block = vec![start];
         // If the block were wider than the number of photos, some start vectors would never be photographed.
         block.extend(options.beside.iter().take(options.photos - 1).cloned());
-        run(Factorization::block_lanczos(&block, &[])?, &mut recorder, (options.photos, symmetric))?
+        run(Factorization::block_lanczos(&block, &[])?, &mut recorder, (options.photos, symmetric), None)?
     } else {
-        run(Factorization::arnoldi(&start, &[])?, &mut recorder, (options.photos, symmetric))?
+        let map = options.map.as_ref();
+        run(Factorization::arnoldi(&start, &[])?, &mut recorder, (options.photos, symmetric), map)?
     };
     let photos = recorder.products.into_iter().take(basis.len()).map(|product| product.to).collect();
     LowRank::new(basis, photos, direct.to_vec(), symmetric)
@@ -69,10 +74,21 @@ fn run(
     mut process: Factorization,
     recorder: &mut Recorded<'_, dyn Operator + '_>,
     (photos, symmetric): (usize, bool),
+    map: Option<&Csr>,
 ) -> Result<Vec<Vec<f64>>> {
     while process.steps() < photos && !process.is_exhausted() {
-        process.multiply_block(recorder, photos - process.steps())?;
-        process.expand(recorder)?;
+        let left = photos - process.steps();
+        match map {
+            None => {
+                process.multiply_block(recorder, left)?;
+                process.expand(recorder)?;
+            }
+            Some(map) => {
+                let mut mapped = Mapped { operator: &mut *recorder, map };
+                process.multiply_block(&mut mapped, left)?;
+                process.expand(&mut mapped)?;
+            }
+        }
         let taken = &recorder.products[..process.products()];
         let step = Step {
             stage: "photos",
@@ -85,6 +101,33 @@ fn run(
         }
     }
     Ok(process.basis().to_vec())
+}
+
+/// `W A`.
+struct Mapped<'a, O> {
+    operator: &'a mut O,
+    map: &'a Csr,
+}
+
+impl<O: Operator> Operator for Mapped<'_, O> {
+    delegate!(operator: block_size, observer, frames, confirming);
+
+    fn rows(&self) -> usize {
+        self.map.rows()
+    }
+
+    fn cols(&self) -> usize {
+        self.operator.cols()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        Symmetry::General
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        y.copy_from_slice(&self.map.times(&product(self.operator, x)?));
+        Ok(())
+    }
 }
 
 /// The part of the last photo that the model of the earlier photos did not predict: `‖w − Q Wᵀ q‖` for the last pattern `q` (of norm 1) and

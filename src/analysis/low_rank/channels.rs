@@ -33,15 +33,18 @@ pub struct RankRow {
     pub optimal: Option<f64>,
 }
 
-/// Captures every channel. `global` holds operators of the light of two or more bounces (`n × n`), and `direct` holds the direct light.
+/// Captures every channel. `global` holds operators of the light of two or more bounces (`m × n`), `direct` holds the direct light, and
+/// `maps` the maps from camera to projector ([`LowRankCapture::map`]) or nothing.
 /// Fails as [`capture()`] does.
 pub fn capture_channels<O: Adjoint>(
     global: &mut [O],
     direct: Vec<DirectPart>,
     options: &LowRankCapture,
+    maps: &[Csr],
 ) -> Result<Vec<LowRank>> {
     let mut found = Vec::new();
-    for (operator, direct) in global.iter_mut().zip(direct) {
+    for (channel, (operator, direct)) in global.iter_mut().zip(direct).enumerate() {
+        let options = &LowRankCapture { map: maps.get(channel).cloned(), ..options.clone() };
         found.push(match direct {
             DirectPart::Diagonal(diagonal) => capture(operator, &diagonal, options)?,
             DirectPart::Matrix(matrix) => capture(operator, &[], options)?.with_direct_matrix(matrix)?,
@@ -129,7 +132,7 @@ pub struct ErrorRow {
 
 /// The error of the model truncated to each rank, given `‖G‖_F` of the captured matrix (without direct light).
 ///
-/// The errors need no product. In the Frobenius norm, `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`. For a symmetric `G` and `T = QᵀW`,
+/// The errors need no product. In the Frobenius norm, `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`. For a symmetric model and `T = QᵀW`,
 /// `‖G − G_k‖² = ‖G‖² − 2‖W‖² + ‖T‖²`.
 pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
     let total = frobenius * frobenius;
@@ -141,14 +144,16 @@ pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
         photos_square += dot(&model.photos()[k], &model.photos()[k]);
         // Adds the new row and column of T.
         for j in 0..=k {
-            let entry = dot(&model.basis()[j], &model.photos()[k]);
+            // Only a symmetric model uses T, and only its photos are sure to have the pixels of its patterns.
+            let entry = if model.is_symmetric() { dot(&model.basis()[j], &model.photos()[k]) } else { 0.0 };
             projected_square += entry * entry * if j == k { 1.0 } else { 2.0 };
         }
-        rows.push(ErrorRow {
-            photos: k + 1,
-            error: share(total - 2.0 * photos_square + projected_square),
-            one_sided: share(total - photos_square),
-        });
+        let one_sided = share(total - photos_square);
+        let error = match model.is_symmetric() {
+            true => share(total - 2.0 * photos_square + projected_square),
+            false => one_sided,
+        };
+        rows.push(ErrorRow { photos: k + 1, error, one_sided });
     }
     rows
 }
@@ -244,7 +249,7 @@ mod tests {
                 let columns: Vec<Vec<f64>> = (0..n).map(|j| truncated.relight(&unit(n, j))).collect();
                 let entry = |i: usize, j: usize| columns[j][i] - if i == j { direct[i] } else { 0.0 };
                 let missed = square(&|i, j| dense.entry(i, j) - entry(i, j)).sqrt() / frobenius;
-                let told = if symmetric { curve[k - 1].error } else { curve[k - 1].one_sided };
+                let told = curve[k - 1].error;
                 // The cancellation between the squares loses half of the digits.
                 assert!((missed - told).abs() < 1e-7, "{symmetric} {k}: {missed} {told}");
                 for i in 0..n {

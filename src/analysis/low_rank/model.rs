@@ -18,32 +18,37 @@ pub struct LowRank {
 }
 
 impl LowRank {
-    /// Makes the model from `k` orthonormal patterns and their photos without direct light (`n` values each). `direct` has `n` values, or
-    /// is empty. Fails with [`Error::Dimension`] if sizes differ.
+    /// Makes the model from `k` orthonormal patterns and their photos without direct light (`n` and `m` values each). `direct` has `n`
+    /// values and needs `m = n`, or is empty. Fails with [`Error::Dimension`] if sizes differ.
     pub fn new(
         basis: Vec<Vec<f64>>,
         photos: Vec<Vec<f64>>,
         direct: Vec<f64>,
         symmetric: bool,
     ) -> Result<Self> {
-        let n = basis.first().map_or(0, Vec::len);
+        let [n, m] = [&basis, &photos].map(|vectors| vectors.first().map_or(0, Vec::len));
         Error::check_size("photos of a low-rank model", basis.len(), photos.len())?;
-        for vector in basis.iter().chain(&photos) {
-            Error::check_size("pixels of a low-rank model", n, vector.len())?;
+        for (vectors, pixels) in [(&basis, n), (&photos, m)] {
+            for vector in vectors {
+                Error::check_size("pixels of a low-rank model", pixels, vector.len())?;
+            }
         }
-        if !direct.is_empty() {
+        if !direct.is_empty() || symmetric {
+            Error::check_size("pixels of the photos of a low-rank model", n, m)?;
+        }
+        if !direct.is_empty() && !basis.is_empty() {
             Error::check_size("pixels of the direct image", n, direct.len())?;
         }
         Ok(Self { basis, photos, direct, spread: None, symmetric })
     }
 
     /// Replaces the direct part by a matrix that is not a diagonal, for an open lens or for a projector at another position than the
-    /// camera. Fails with [`Error::Dimension`] if the matrix is not `n × n`.
+    /// camera. Fails with [`Error::Dimension`] if the matrix is not `m × n`.
     pub fn with_direct_matrix(self, direct: Csr) -> Result<Self> {
-        let n = self.cols();
+        let (m, n) = (self.rows(), self.cols());
         let found = format!("{}x{}", direct.rows(), direct.cols());
         let what = "rows and columns of the direct part of a low-rank model";
-        Error::check_size(what, format!("{n}x{n}"), found)?;
+        Error::check_size(what, format!("{m}x{n}"), found)?;
         let transposed = direct.transposed();
         Ok(Self { direct: Vec::new(), spread: Some(Arc::new([direct, transposed])), ..self })
     }
@@ -100,7 +105,7 @@ impl LowRank {
         }
     }
 
-    /// Relights a pattern: computes its photo `A x` (`n`) without taking a photo. Patterns may have negative values.
+    /// Relights a pattern: computes its photo `A x` (`m`) without taking a photo. Patterns may have negative values.
     ///
     /// # Panics
     /// In debug builds, if `x` does not have `n` entries.
@@ -111,7 +116,7 @@ impl LowRank {
     /// The dual photograph `Aᵀ y`: the scene seen from the projector and lit from the camera by `y`.
     ///
     /// # Panics
-    /// In debug builds, if `y` does not have `n` entries.
+    /// In debug builds, if `y` does not have `m` entries.
     pub fn dual(&self, pattern: &[f64]) -> Vec<f64> {
         if self.symmetric {
             return self.relight(pattern);
@@ -154,10 +159,10 @@ impl LowRank {
                 let (columns, weights) = both[side].row(row);
                 columns.iter().zip(weights).map(|(&column, weight)| weight * x[column as usize]).sum()
             };
-            return (0..x.len()).map(row).collect();
+            return (0..both[side].rows()).map(row).collect();
         }
         match self.direct.is_empty() {
-            true => vec![0.0; x.len()],
+            true => vec![0.0; if side == 0 { self.rows() } else { self.cols() }],
             false => self.direct.iter().zip(x).map(|(direct, value)| direct * value).collect(),
         }
     }
@@ -191,7 +196,7 @@ pub(super) fn add(sum: &mut [f64], factor: f64, vector: &[f64]) {
 
 impl Operator for LowRank {
     fn rows(&self) -> usize {
-        self.cols()
+        self.photos.first().map_or(self.direct.len(), Vec::len)
     }
 
     fn cols(&self) -> usize {

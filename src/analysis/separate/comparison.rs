@@ -112,12 +112,12 @@ pub fn near_far<O: Operator>(
 ) -> Result<NearFar> {
     let NearFarOptions { sigma, photos, seed } = options;
     let probing = Probing::Near { sigma };
-    let one = |operator: &mut O| probe(operator, resolution, probing, photos, seed);
+    let one = |operator: &mut O| probe(operator, (resolution, None), probing, photos, seed);
     let found = global.iter_mut().map(one).collect::<Result<Vec<_>>>()?;
     let near: Planes = found.iter().map(|found| found.values.clone()).collect();
     let errors: Planes = found.into_iter().map(|found| found.standard_errors).collect();
     let error = matrices.and_then(|matrices| {
-        let truth: Planes = matrices.iter().map(|matrix| probing.exact(matrix, resolution)).collect();
+        let truth: Planes = matrices.iter().map(|matrix| probing.exact(matrix, resolution, None)).collect();
         relative_error(&near, &truth).value()
     });
     let far = difference(light, &near);

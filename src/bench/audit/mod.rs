@@ -149,7 +149,7 @@ pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<AuditR
         photos: 0,
         devices: Vec::new(),
     };
-    let white = match subject.photograph(&vec![1.0; resolution.pixels()]) {
+    let white = match subject.photograph(&vec![1.0; subject.patterns().pixels()]) {
         Ok(white) => white,
         Err(Error::Saturated { device, fault, .. }) => {
             audit.checks.push(checks::saturated(&format!("{device}: {fault}")));
@@ -182,7 +182,8 @@ impl AuditReport {
         white: &Plane,
         options: &AuditOptions,
     ) -> Result<()> {
-        let mask = subject.seen();
+        let has_one_size = subject.patterns() == subject.resolution();
+        let mask = if has_one_size { subject.seen() } else { vec![true; subject.patterns().pixels()] };
         let mut random = Pcg64::seed_from_u64(options.seed);
         let mut pattern = || -> Vec<f64> {
             mask.iter().map(|&seen| f64::from(u8::from(seen && random.random::<bool>()))).collect()
@@ -205,7 +206,10 @@ impl AuditReport {
             checks::additivity(lit, &rest, white, options.tolerance),
             checks::homogeneity(lit, &scaled, options.tolerance),
             checks::repeatability(lit, again, options.tolerance),
-            symmetry(&patterns, &photos, white, &mask, options.asymmetry),
+            match has_one_size {
+                true => symmetry(&patterns, &photos, white, &mask, options.asymmetry),
+                false => Finding::unmeasured("symmetry", "photos and patterns have different sizes"),
+            },
         ]);
         let mean = (white.values.iter().sum::<f64>() / white.values.len() as f64).max(f64::MIN_POSITIVE);
         self.additivity = (0..white.values.len())
@@ -236,10 +240,15 @@ impl AuditReport {
     }
 }
 
-/// A source that can be audited. It has one channel, and equal rasters of camera and projector.
+/// A source that can be audited. It has one channel.
 pub trait Audited {
-    /// The resolution of patterns and photos.
+    /// The resolution of photos.
     fn resolution(&self) -> Resolution;
+
+    /// The resolution of patterns; by default that of photos.
+    fn patterns(&self) -> Resolution {
+        self.resolution()
+    }
 
     /// The photo of a pattern of values in \[0, 1\].
     fn photograph(&mut self, pattern: &[f64]) -> Result<Plane>;
@@ -280,13 +289,19 @@ pub struct Exact<'a> {
     pub full: &'a mut dyn Operator,
     /// Direct light under white, if it is known.
     pub direct: Option<Vec<f64>>,
-    /// The resolution of patterns and photos.
+    /// The resolution of photos.
     pub resolution: Resolution,
+    /// The resolution of patterns.
+    pub patterns: Resolution,
 }
 
 impl Audited for Exact<'_> {
     fn resolution(&self) -> Resolution {
         self.resolution
+    }
+
+    fn patterns(&self) -> Resolution {
+        self.patterns
     }
 
     fn photograph(&mut self, pattern: &[f64]) -> Result<Plane> {

@@ -367,13 +367,7 @@ impl Compensate {
             Some(Precondition::Direct) if lab.is_simulated()? => lab.white_of(Part::Direct)?,
             _ => Vec::new(),
         };
-        let map = match lab.resolution() == lab.projector_resolution() {
-            true => Vec::new(),
-            false => {
-                let direct = lab.matrices_of(Part::Direct)?;
-                direct.iter().flatten().map(|direct| direct.transposed().with_row_sums_of_one()).collect()
-            }
-        };
+        let map = lab.maps_to_projector()?;
         Ok(Prior { direct, geometry, crosstalk, map, photos, start: None })
     }
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::options::{LightPart, check_vectors, count, defaults, number};
 use crate::analysis::segment::possible;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Resolution;
 use crate::krylov::{
@@ -125,7 +125,14 @@ impl Verb for Eigs {
     type Answer = Spectrum;
 
     fn check_on(&self, lab: &Lab) -> Result<()> {
-        check_vectors("--block", self.block, lab.projector_resolution().pixels())
+        let [photos, patterns] = [lab.resolution(), lab.projector_resolution()];
+        if photos != patterns && !self.singular {
+            let fault = format!(
+                "photos have {photos} pixels and patterns {patterns}; only a square matrix has eigenvalues"
+            );
+            return Err(Error::option("--singular", fault).help("add --singular for singular values"));
+        }
+        check_vectors("--block", self.block, patterns.pixels())
     }
 
     fn answer(&self, lab: &mut Lab) -> Result<Spectrum> {

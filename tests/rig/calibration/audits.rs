@@ -141,7 +141,7 @@ impl Operator for Aside {
 fn a_camera_beside_the_projector_fails_symmetry_and_shows_shadows() {
     let direct = (0..SIZE.pixels()).map(|pixel| if pixel % SIZE.width < 8 { 0.0 } else { 0.5 }).collect();
     let mut aside = Aside(Folded::new(SIZE, 0.3));
-    let mut exact = Exact { full: &mut aside, direct: Some(direct), resolution: SIZE };
+    let mut exact = Exact { full: &mut aside, direct: Some(direct), resolution: SIZE, patterns: SIZE };
     let audit = audit(&mut exact, &AuditOptions::default()).expect("an operator can be audited");
     assert_eq!(failed(&audit), ["symmetry", "direct light"]);
     assert!((figure(&audit, "direct light") - 0.25).abs() < 0.01, "a quarter of the columns");
@@ -171,7 +171,7 @@ fn an_audit_of_darkness_has_nothing_to_measure() {
         }
     }
     let direct = Some(vec![0.0; SIZE.pixels()]);
-    let mut exact = Exact { full: &mut Dark, direct, resolution: SIZE };
+    let mut exact = Exact { full: &mut Dark, direct, resolution: SIZE, patterns: SIZE };
     let dark = audit(&mut exact, &AuditOptions::default()).expect("an operator can be audited");
     assert_eq!(failed(&dark), ["light"]);
     assert!(!dark.passed() && dark.sentence().contains("nothing to measure"), "{}", dark.sentence());
