@@ -52,7 +52,7 @@ pub fn png() -> Reader {
         seeds: seeds::png,
         read: |folder| {
             let path = folder.join("file.png");
-            let _ = picture::read_png(&path);
+            let _ = picture::read(&path);
             let _ = picture::read_sized(&path, Resolution::new(4, 2), "the test");
         },
     }
