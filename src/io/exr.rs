@@ -168,7 +168,7 @@ fn decode_unguarded(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, S
         if let Some(AttributeValue::Text(space)) = part.attributes.other.get(&Text::from("colorInteropID"))
             && !["lin_rec709", "data", "unknown"].iter().any(|known| space.to_string().starts_with(known))
         {
-            return Err(format!("its colorInteropID is {space}, not lin_rec709_scene"));
+            return Err(format!("its colorInteropID is {:?}, not lin_rec709_scene", space.to_string()));
         }
         if part.channel_data.list.iter().any(|channel| channel.name.to_string().ends_with("RY")) {
             return Err("it has luminance and chroma (Y, RY and BY) instead of R, G and B".into());

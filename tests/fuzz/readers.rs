@@ -67,6 +67,16 @@ pub fn jpeg() -> Reader {
     }
 }
 
+/// The formats of patterns that no scene has; their content tells which it is.
+pub fn other_picture() -> Reader {
+    Reader {
+        name: "other_picture",
+        file: "file.tif",
+        seeds: seeds::other_picture,
+        read: |folder| drop(picture::read(&folder.join("file.tif"))),
+    }
+}
+
 pub fn exr() -> Reader {
     Reader {
         name: "exr",

@@ -308,7 +308,7 @@ proptest! {
         };
         // Numbers of a profile that binary fractions hold exactly.
         let (g, a, b, c, d, e, f) = (2.25, 0.875, 0.125, 0.0625, 0.25, 0.03125, 0.015625);
-        let power = |x: f64| (a * x + b).powf(g);
+        let power = move |x: f64| (a * x + b).powf(g);
         type Decode = Box<dyn Fn(f64) -> f64>;
         let (curve, decode): (Vec<u8>, Decode) = match kind {
             0 => (curv(&[]), Box::new(|x| x)),
@@ -526,6 +526,68 @@ mod tiffs {
         }
     }
 
+    /// A TIFF file of big-endian numbers: the pixels, then the tags in SHORT (3) or LONG (4).
+    fn by_hand(pixels: &[u8; 8], tags: &[(u16, u16, &[u32])]) -> Vec<u8> {
+        let mut file = [&b"MM\0*\0\0\0\x10"[..], pixels, &(tags.len() as u16).to_be_bytes()].concat();
+        let mut beyond = Vec::new();
+        for &(tag, kind, values) in tags {
+            let value = |&value: &u32| {
+                if kind == 3 { (value as u16).to_be_bytes().to_vec() } else { value.to_be_bytes().to_vec() }
+            };
+            let mut values_as_bytes = values.iter().flat_map(value).collect::<Vec<u8>>();
+            if values_as_bytes.len() > 4 {
+                let place = 16 + 2 + 12 * tags.len() + 4 + beyond.len();
+                beyond.extend(std::mem::replace(&mut values_as_bytes, (place as u32).to_be_bytes().to_vec()));
+            }
+            values_as_bytes.resize(4, 0);
+            let count = (values.len() as u32).to_be_bytes();
+            file.extend([&tag.to_be_bytes()[..], &kind.to_be_bytes(), &count, &values_as_bytes].concat());
+        }
+        [file, vec![0; 4], beyond].concat()
+    }
+
+    #[test]
+    fn planes_and_negatives_of_tiff_files_become_pictures() {
+        let size: [(u16, u16, &[u32]); 2] = [(256, 4, &[2]), (257, 4, &[1])];
+        let planar = by_hand(
+            &[10, 20, 30, 40, 50, 60, 0, 0],
+            &[
+                &size[..],
+                &[
+                    (258, 3, &[8, 8, 8]),
+                    (259, 3, &[1]),
+                    (262, 3, &[2]),
+                    (273, 4, &[8, 10, 12]),
+                    (277, 3, &[3]),
+                    (278, 4, &[1]),
+                    (279, 4, &[2, 2, 2]),
+                    (284, 3, &[2]),
+                ],
+            ]
+            .concat(),
+        );
+        let image = read("a.tif", &planar).expect("it is whole");
+        assert_near(image.samples(), &[10.0, 30.0, 50.0, 20.0, 40.0, 60.0].map(|level| srgb(level / 255.0)));
+        let negative = by_hand(
+            &[10, 255, 0, 0, 0, 0, 0, 0],
+            &[
+                &size[..],
+                &[
+                    (258, 3, &[8]),
+                    (259, 3, &[1]),
+                    (262, 3, &[0]),
+                    (273, 4, &[8]),
+                    (277, 3, &[1]),
+                    (278, 4, &[1]),
+                    (279, 4, &[2]),
+                ],
+            ]
+            .concat(),
+        );
+        let image = read("a.tif", &negative).expect("it is whole");
+        assert_near(image.samples(), &[245.0, 0.0].map(|level| srgb(level / 255.0)));
+    }
+
     #[test]
     fn a_tiff_that_has_no_one_meaning_is_refused() {
         let picture = Levels { width: 2, height: 1, channels: 1, levels: vec![3, 4] };
@@ -657,6 +719,6 @@ fn what_is_written_is_read() {
     for name in ["a.npy", "a.exr"] {
         let path: &Path = &folder.path().join(name);
         picture::write(path, &image).expect("the temporary folder can be written");
-        assert_eq!(picture::read(path).map(|found| found == image), Ok(true), "{name}");
+        assert!(picture::read(path).is_ok_and(|found| found == image), "{name}");
     }
 }

@@ -16,13 +16,13 @@ pub(super) fn read(bytes: &[u8], max_samples: usize) -> Result<Stored, String> {
         other => return Err(format!("it is of the kind P{}, a bitmap or a PAM file", char::from(other))),
     };
     let mut rest = &bytes[2..];
-    let mut side = || word(&mut rest)?.parse().map_err(|_| "its header states no size".to_string());
+    let mut side = || word(&mut rest)?.parse().map_err(|_| "its header states no size");
     let (width, height): (usize, usize) = (side()?, side()?);
     let count = width.checked_mul(height).and_then(|pixels| pixels.checked_mul(channels));
     let count =
         count.filter(|count| (1..=max_samples).contains(count)).ok_or("it has no pixels, or too many")?;
     let scale: f32 = word(&mut rest)?.parse().map_err(|_| "its header states no scale")?;
-    let whole = |size: usize| rest.get(..count * size).ok_or_else(|| "the file is truncated".to_string());
+    let whole = |size: usize| rest.get(..count * size).ok_or("the file is truncated");
     let mut metadata = Metadata::default();
     let linear = matches!(kind, b'f' | b'F');
     let samples: Vec<f32> = if linear {
@@ -41,9 +41,7 @@ pub(super) fn read(bytes: &[u8], max_samples: usize) -> Result<Stored, String> {
         }
         let levels: Vec<u16> = match kind {
             b'2' | b'3' => {
-                let level = |_| {
-                    word(&mut rest)?.parse().map_err(|_| "a sample is no number from 0 to 65535".to_string())
-                };
+                let level = |_| word(&mut rest)?.parse().map_err(|_| "a sample is no number from 0 to 65535");
                 (0..count).map(level).collect::<Result<_, _>>()?
             }
             _ if scale < 256.0 => whole(1)?.iter().map(|&level| u16::from(level)).collect(),
@@ -58,7 +56,7 @@ pub(super) fn read(bytes: &[u8], max_samples: usize) -> Result<Stored, String> {
 }
 
 /// The next word, without comments, and with the one white space that ends it.
-fn word<'a>(rest: &mut &'a [u8]) -> Result<&'a str, String> {
+fn word<'a>(rest: &mut &'a [u8]) -> Result<&'a str, &'static str> {
     loop {
         *rest = rest.trim_ascii_start();
         if !rest.starts_with(b"#") {
@@ -70,5 +68,5 @@ fn word<'a>(rest: &mut &'a [u8]) -> Result<&'a str, String> {
     let end = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
     let found = std::str::from_utf8(&rest[..end]).ok().filter(|found| !found.is_empty());
     *rest = rest.get(end + 1..).unwrap_or_default();
-    found.ok_or_else(|| "the file is truncated".into())
+    found.ok_or("the file is truncated")
 }

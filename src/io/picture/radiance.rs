@@ -14,7 +14,7 @@ pub(super) fn is(bytes: &[u8]) -> bool {
 pub(super) fn read(bytes: &[u8], max_samples: usize) -> Result<Stored, String> {
     let mut rest = bytes;
     let (divisors, mut metadata) = header(&mut rest)?;
-    let (resolution, orientation) = resolution(line(&mut rest)?)?;
+    let (resolution, orientation) = resolution(&line(&mut rest)?)?;
     metadata.orientation = Some(orientation);
     let count = resolution.width.checked_mul(resolution.height).and_then(|pixels| pixels.checked_mul(3));
     count.filter(|count| (1..=max_samples).contains(count)).ok_or("it has no pixels, or too many")?;
@@ -43,37 +43,33 @@ fn header(rest: &mut &[u8]) -> Result<([f64; 3], Metadata), String> {
         let Some((name, value)) = text.split_once('=').filter(|_| !text.starts_with([' ', '\t', '#'])) else {
             continue;
         };
-        let numbers =
-            || value.split_whitespace().map(|number| number.parse().ok()).collect::<Option<Vec<f64>>>();
-        let malformed = || format!("its header has the line {text:?}, which cannot be used");
+        let fault = || format!("its header has the line {}, which cannot be used", quoted(&text));
+        let numbers = |count: usize| {
+            let numbers: Option<Vec<f64>> =
+                value.split_whitespace().map(|number| number.parse().ok()).collect();
+            numbers.filter(|numbers| numbers.len() == count).ok_or_else(fault)
+        };
         match name {
-            "FORMAT" if value.trim() != "32-bit_rle_rgbe" => {
-                return Err(format!("its format is {:?}; only 32-bit_rle_rgbe can be read", value.trim()));
-            }
             "EXPOSURE" | "COLORCORR" => {
-                let factors = match *numbers().ok_or_else(malformed)?.as_slice() {
-                    [all] if name == "EXPOSURE" => [all; 3],
-                    [red, green, blue] if name == "COLORCORR" => [red, green, blue],
-                    _ => return Err(malformed()),
-                };
-                if !factors.iter().all(|factor| factor.is_normal() && *factor > 0.0) {
-                    return Err(malformed());
+                let factors = numbers(if name == "EXPOSURE" { 1 } else { 3 })?;
+                divisors =
+                    std::array::from_fn(|channel| divisors[channel] * factors[channel % factors.len()]);
+                if divisors.iter().any(|factor| !factor.is_normal() || *factor < 0.0) {
+                    return Err(fault());
                 }
-                divisors = std::array::from_fn(|channel| divisors[channel] * factors[channel]);
             }
-            "PIXASPECT" => match *numbers().ok_or_else(malformed)?.as_slice() {
-                // The ratio of height to width.
-                [ratio] => metadata.pixel_aspect = Some(metadata.pixel_aspect.unwrap_or(1.0) / ratio as f32),
-                _ => return Err(malformed()),
-            },
+            // The ratio of height to width.
+            "PIXASPECT" => {
+                metadata.pixel_aspect = Some(metadata.pixel_aspect.unwrap_or(1.0) / numbers(1)?[0] as f32)
+            }
             "PRIMARIES" => {
-                let stated: Vec<f32> =
-                    numbers().ok_or_else(malformed)?.iter().map(|&number| number as f32).collect();
-                let stated: [f32; 8] = stated.try_into().map_err(|_| malformed())?;
+                let stated = numbers(8)?;
+                let stated: [f32; 8] = std::array::from_fn(|at| stated[at] as f32);
                 let default = stated.iter().zip(DEFAULT).all(|(stated, of)| (stated - of).abs() < 0.001);
                 metadata.primaries = Some(if default { REC709 } else { stated });
             }
-            "GAMMA" if numbers().as_deref() != Some(&[1.0]) => return Err(malformed()),
+            "FORMAT" if value.trim() != "32-bit_rle_rgbe" => return Err(fault()),
+            "GAMMA" if numbers(1)?[0] != 1.0 => return Err(fault()),
             _ => {}
         }
     }
@@ -84,20 +80,12 @@ fn resolution(text: &str) -> Result<(Resolution, u16), String> {
     let words: Vec<&str> = text.split_whitespace().collect();
     let parsed = || {
         let [slow, rows, fast, columns] = *words.as_slice() else { return None };
-        let orientation = match (slow, fast) {
-            ("-Y", "+X") => 1,
-            ("-Y", "-X") => 2,
-            ("+Y", "-X") => 3,
-            ("+Y", "+X") => 4,
-            ("+X", "-Y") => 5,
-            ("-X", "-Y") => 6,
-            ("-X", "+Y") => 7,
-            ("+X", "+Y") => 8,
-            _ => return None,
-        };
+        let order = ["-Y +X", "-Y -X", "+Y -X", "+Y +X", "+X -Y", "-X -Y", "-X +Y", "+X +Y"];
+        let orientation =
+            1 + order.iter().position(|signs| signs.split_once(' ') == Some((slow, fast)))? as u16;
         Some((Resolution::new(columns.parse().ok()?, rows.parse().ok()?), orientation))
     };
-    parsed().ok_or_else(|| format!("it states the size {text:?}, which cannot be used"))
+    parsed().ok_or_else(|| format!("it states the size {}, which cannot be used", quoted(text)))
 }
 
 /// One scan line: pixels one by one, runs of whole pixels, or runs of each component apart.
@@ -145,9 +133,14 @@ fn scanline(rest: &mut &[u8], width: usize) -> Option<Vec<[u8; 4]>> {
     Some(row)
 }
 
-fn line<'a>(rest: &mut &'a [u8]) -> Result<&'a str, String> {
+/// Text of a file for a message: its start, with control characters escaped.
+fn quoted(text: &str) -> String {
+    format!("{:?}", text.chars().take(60).collect::<String>())
+}
+
+fn line(rest: &mut &[u8]) -> Result<String, String> {
     let end = rest.iter().position(|&byte| byte == b'\n').ok_or("its header is truncated")?;
-    let text = std::str::from_utf8(&rest[..end]).map_err(|_| "its header is malformed")?;
+    let text = String::from_utf8_lossy(&rest[..end]);
     *rest = &rest[end + 1..];
-    Ok(text.strip_suffix('\r').unwrap_or(text))
+    Ok(text.trim_end_matches('\r').into())
 }

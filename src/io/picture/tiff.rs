@@ -51,14 +51,10 @@ mod reader {
         let metadata = metadata(&mut file)?;
         let mut stored = DecodingResult::U8(Vec::new());
         let layout = file.read_image_to_buffer(&mut stored).map_err(message)?;
-        let (mut samples, linear): (Vec<f32>, bool) = match stored {
-            DecodingResult::U8(levels) => {
-                (levels.into_iter().map(|level| f32::from(level) / 255.0).collect(), false)
-            }
-            DecodingResult::U16(levels) => {
-                (levels.into_iter().map(|level| f32::from(level) / 65535.0).collect(), false)
-            }
-            DecodingResult::F16(values) => (values.into_iter().map(f32::from).collect(), true),
+        let (mut samples, linear) = match stored {
+            DecodingResult::U8(levels) => (divided(levels, 255.0), false),
+            DecodingResult::U16(levels) => (divided(levels, 65535.0), false),
+            DecodingResult::F16(values) => (divided(values, 1.0), true),
             DecodingResult::F32(values) => (values, true),
             DecodingResult::F64(values) => (values.into_iter().map(|value| value as f32).collect(), true),
             _ => return Err("its samples are signed, or integers of more than 16 bits".into()),
@@ -67,26 +63,23 @@ mod reader {
             return Err("it has more channels than a picture".into());
         }
         if layout.planes > 1 {
-            let pixels = 0..resolution.pixels();
-            samples =
-                pixels.flat_map(|at| samples[at..].iter().step_by(resolution.pixels()).copied()).collect();
+            let pixels = resolution.pixels();
+            samples = (0..pixels).flat_map(|at| samples[at..].iter().step_by(pixels).copied()).collect();
         }
         require_single(&mut file)?;
         Ok(Stored { resolution, channels, samples, linear, metadata })
+    }
+
+    fn divided<T: Into<f32>>(samples: Vec<T>, by: f32) -> Vec<f32> {
+        samples.into_iter().map(|sample| sample.into() / by).collect()
     }
 
     fn metadata(file: &mut File<'_>) -> Result<Metadata, String> {
         let mut metadata = Metadata::default();
         let mut ratios = |tag: Tag| {
             let numbers = file.find_tag(tag).ok()??.into_u32_vec().ok()?;
-            Some(
-                numbers
-                    .as_chunks()
-                    .0
-                    .iter()
-                    .map(|&[above, below]| above as f32 / below as f32)
-                    .collect::<Vec<f32>>(),
-            )
+            let pairs = numbers.as_chunks().0.iter();
+            Some(pairs.map(|&[above, below]| above as f32 / below as f32).collect::<Vec<f32>>())
         };
         if let (Some([across]), Some([down])) =
             (ratios(Tag::XResolution).as_deref(), ratios(Tag::YResolution).as_deref())
@@ -98,10 +91,8 @@ mod reader {
         }
         let message = |error: TiffError| error.to_string();
         metadata.orientation = file.find_tag_unsigned(Tag::Orientation).map_err(message)?;
-        metadata.icc = match file.find_tag(Tag::IccProfile).map_err(message)? {
-            Some(profile) => Some(profile.into_u8_vec().map_err(message)?),
-            None => None,
-        };
+        let profile = file.find_tag(Tag::IccProfile).map_err(message)?;
+        metadata.icc = profile.map(|profile| profile.into_u8_vec()).transpose().map_err(message)?;
         if metadata.icc.is_none() && file.find_tag(TRANSFER_FUNCTION).map_err(message)?.is_some() {
             return Err("it has a transfer function of its own".into());
         }
