@@ -255,7 +255,7 @@ fn jpeg(picture: &Levels, segments: &[(u8, Vec<u8>)]) -> Vec<u8> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn pngs_are_decoded_by_the_first_of_their_statements(
@@ -399,7 +399,9 @@ proptest! {
         prop_assert_eq!(image.channels(), picture.channels);
         let expected: Vec<f64> = levels.iter().map(|&level| srgb(f64::from(level) / f64::from(maximum))).collect();
         assert_near(image.samples(), &expected);
-        prop_assert!(refusal("a.pnm", &file[..file.len() - 2]).contains("truncated") || text);
+        if !text {
+            prop_assert!(refusal("a.pnm", &file[..file.len() - 1]).contains("truncated"));
+        }
     }
 
     #[test]
@@ -496,7 +498,7 @@ mod tiffs {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(64))]
+        #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
         #[test]
         fn tiff_files_keep_their_precision(picture in levels(), orientation in 1..=8_u8, depth in 0..3_u8, profiled in any::<bool>()) {
