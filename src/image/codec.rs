@@ -146,7 +146,7 @@ impl Metadata {
 
     fn of_jpeg(bytes: &[u8]) -> Result<Self, String> {
         let header = open_jpeg(bytes, ColorSpace::RGB)?;
-        if let Some(ColorSpace::CMYK | ColorSpace::YCCK) = header.input_colorspace() {
+        if header.info().is_some_and(|info| info.components == 4) {
             return Err("its colours are amounts of ink (CMYK); convert it to RGB".into());
         }
         // JFIF states the density in pixels across and down, right at the start.

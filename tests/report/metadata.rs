@@ -657,6 +657,24 @@ fn statements_that_cannot_be_honoured_are_refused_by_name() {
 }
 
 #[test]
+fn a_jpeg_that_stores_rgb_is_not_converted() {
+    // A picture of one colour, stored as luminance and chroma; Adobe's segment declares that they are red, green and blue.
+    let [red, green, blue] = [180.0, 100.0, 60.0_f64];
+    let levels = [180_u16, 100, 60].map(|level| level << 8).repeat(64);
+    let picture = Levels { width: 8, height: 8, channels: 3, levels };
+    let image = read("a.jpg", &jpeg(&picture, &[(0xee, b"Adobe\0\x64\0\0\0\0\0".to_vec())]));
+    // ITU-T T.871.
+    let luminance = 0.299 * red + 0.587 * green + 0.114 * blue;
+    let expected = [luminance, 128.0 + (blue - luminance) / 1.772, 128.0 + (red - luminance) / 1.402];
+    let image = image.expect("it is honoured");
+    for (&found, stored) in image.samples().iter().zip(expected.into_iter().cycle()) {
+        // At the quality of 75, the mean level of a block is stored in steps of 8/8 or 9/8: half a step, and two roundings, are less than 2.
+        let [least, most] = [stored - 2.0, stored + 2.0].map(|level| srgb(level / 255.0));
+        assert!((least..most).contains(&f64::from(found)), "{found} is not in {least} to {most}");
+    }
+}
+
+#[test]
 fn ink_is_refused() {
     // The header alone of a JPEG file of four components, with tables of ones.
     let mut file = vec![0xff, 0xd8, 0xff, 0xee, 0, 14];

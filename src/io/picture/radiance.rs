@@ -60,7 +60,7 @@ fn header(rest: &mut &[u8]) -> Result<([f64; 3], Metadata), String> {
             }
             // The ratio of height to width.
             "PIXASPECT" => {
-                metadata.pixel_aspect = Some(metadata.pixel_aspect.unwrap_or(1.0) / numbers(1)?[0] as f32)
+                metadata.pixel_aspect = Some(metadata.pixel_aspect.unwrap_or(1.0) / numbers(1)?[0] as f32);
             }
             "PRIMARIES" => {
                 let stated = numbers(8)?;
