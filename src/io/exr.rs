@@ -118,7 +118,8 @@ fn shown(window: &IntegerBounds) -> Resolution {
 }
 
 fn unusable(path: &Path, fault: String) -> Error {
-    Error::data(path, fault).help("give an EXR file with channels R, G, B or Y, bare or in a layer")
+    Error::data(path, fault)
+        .help("give an EXR file with channels R, G and B in Rec. 709, or Y, bare or in a layer")
 }
 
 fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {

@@ -38,7 +38,7 @@ impl Stored {
         if self.channels != colors {
             let pixels = || samples.chunks_exact(self.channels);
             if pixels().any(|pixel| pixel[colors] != 1.0) {
-                return Err("some pixels are transparent, which has no meaning in a pattern; remove the alpha channel".into());
+                return Err("some pixels are transparent, which has no meaning in a pattern".into());
             }
             samples = pixels().flat_map(|pixel| &pixel[..colors]).copied().collect();
         }

@@ -200,5 +200,8 @@ fn decoded(format: Format, bytes: &[u8]) -> std::result::Result<Stored, String> 
 }
 
 fn unusable(path: &Path, fault: String) -> Error {
-    Error::data(path, fault).help("give a gray or RGB picture in sRGB as PNG, JPEG, TIFF, PGM or PPM, or linear values as .npy, .exr, .hdr or .pfm")
+    Error::data(path, fault).help(
+        "convert it to gray or sRGB in a PNG, JPEG, TIFF, PGM or PPM file, or give linear values as .npy, .exr, \
+         .hdr or .pfm",
+    )
 }
