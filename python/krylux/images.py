@@ -51,8 +51,8 @@ def compare(a: ArrayLike | _checks.FilePath, b: ArrayLike | _checks.FilePath, *,
 
     Args:
         a, b: The image and the reference: ``[H, W]`` or ``[H, W, 3]`` of any real type, in single precision from here
-            on; or files, ``.npy``, ``.exr``, ``.png`` or ``.jpg`` (the last two are decoded to linear values in [0,
-            1]).
+            on; or files, ``.npy``, ``.exr``, ``.png``, ``.jpg``, ``.tif``, ``.hdr``, ``.pfm``, ``.pgm`` or ``.ppm``,
+            which are read as linear values.
         range: The data range of PSNR and SSIM, such as 1 for pictures in [0, 1]. Default: from the least to the
             greatest value of ``b``.
 

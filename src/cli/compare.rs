@@ -21,7 +21,7 @@ use crate::report::figure::mean;
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  krylux compare photo.exr reference.exr --max-relative-rmse 0.01")]
 pub(super) struct Args {
-    /// An image: .npy, .exr, .png or .jpg (the last two decoded to linear values in [0, 1])
+    /// An image: .npy, .exr, .png, .jpg, .tif, .hdr, .pfm, .pgm or .ppm, compared in linear values
     #[arg(value_name = "A")]
     image: PathBuf,
     /// The reference, of the same size and channels

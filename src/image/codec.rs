@@ -1,7 +1,8 @@
 //! Decodes picture files.
 //!
 //! This module calls the decoders of PNG and JPEG directly, because its PNG decoder keeps 16 bits, and its JPEG decoder accepts truncated
-//! files. The crate `image` decodes the formats that only textures use.
+//! files. The crate `image` decodes the formats that only textures use. Metadata are read apart from pixels, because only patterns and
+//! targets heed them.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -41,6 +42,25 @@ pub(crate) struct DecodedImage {
 enum Samples {
     Eight(Vec<u8>),
     Sixteen(Vec<u16>),
+}
+
+/// What a file states of the meaning of its samples, as it stands there. It does not concern textures, whose meaning the material tells.
+#[derive(Default)]
+pub(crate) struct Metadata {
+    /// The code points of ITU-T H.273 for primaries and transfer characteristics, and whether the range is full.
+    pub cicp: Option<(u8, u8, bool)>,
+    /// A colour profile.
+    pub icc: Option<Vec<u8>>,
+    pub srgb: bool,
+    /// The exponent of the encoding: 1 is linear.
+    pub gamma: Option<f32>,
+    /// x and y of red, green, blue and white.
+    pub primaries: Option<[f32; 8]>,
+    pub exif: Option<Vec<u8>>,
+    /// As Exif counts orientations.
+    pub orientation: Option<u16>,
+    /// The width of a pixel divided by its height.
+    pub pixel_aspect: Option<f32>,
 }
 
 impl Format {
@@ -90,15 +110,58 @@ impl Format {
     }
 }
 
+impl Metadata {
+    /// The metadata of a PNG or JPEG file. Other formats have none here.
+    pub(crate) fn of(format: Format, bytes: &[u8], max_bytes: usize) -> Result<Self, String> {
+        match format {
+            Format::Png => Self::of_png(bytes, max_bytes),
+            Format::Jpeg => Self::of_jpeg(bytes),
+            Format::Other(_) => Ok(Self::default()),
+        }
+    }
+
+    fn of_png(bytes: &[u8], max_bytes: usize) -> Result<Self, String> {
+        let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), png::Limits { bytes: max_bytes });
+        decoder.set_ignore_text_chunk(true);
+        let mut reader = decoder.read_info().map_err(|error| error.to_string())?;
+        // Exif data may follow the pixels. If the end of the file is missing, they are missing too.
+        let _ = reader.finish();
+        let info = reader.info();
+        let primaries = info
+            .chrm_chunk
+            .map(|of| [of.red, of.green, of.blue, of.white].map(|(x, y)| [x.into_value(), y.into_value()]));
+        Ok(Self {
+            cicp: info
+                .coding_independent_code_points
+                .map(|of| (of.color_primaries, of.transfer_function, of.is_video_full_range_image)),
+            icc: info.icc_profile.as_deref().map(<[u8]>::to_vec),
+            srgb: info.srgb.is_some(),
+            gamma: info.gama_chunk.map(|gamma| gamma.into_value()),
+            primaries: primaries.and_then(|of| of.as_flattened().try_into().ok()),
+            exif: info.exif_metadata.as_deref().map(<[u8]>::to_vec),
+            orientation: None,
+            pixel_aspect: info.pixel_dims.map(|of| of.yppu as f32 / of.xppu as f32),
+        })
+    }
+
+    fn of_jpeg(bytes: &[u8]) -> Result<Self, String> {
+        let header = open_jpeg(bytes, ColorSpace::RGB)?;
+        if header.info().is_some_and(|info| info.components == 4) {
+            return Err("its colours are amounts of ink (CMYK); convert it to RGB".into());
+        }
+        // JFIF states the density in pixels across and down, right at the start.
+        let density = bytes.get(6..18).filter(|segment| segment.starts_with(b"JFIF\0"));
+        let density = density.map(|of| [8, 10].map(|at| f32::from(u16::from_be_bytes([of[at], of[at + 1]]))));
+        Ok(Self {
+            icc: header.icc_profile(),
+            exif: header.exif().cloned(),
+            pixel_aspect: density.map(|[across, down]| down / across),
+            ..Self::default()
+        })
+    }
+}
+
 impl DecodedImage {
-    pub(crate) fn has_color(&self) -> bool {
-        self.channels >= 3
-    }
-
-    pub(crate) fn has_alpha(&self) -> bool {
-        self.channels.is_multiple_of(2)
-    }
-
     /// All samples, interleaved, with 16 bits each. 8-bit samples are scaled by 257, so full scale stays full scale.
     pub(crate) fn into_sixteen_bits(self) -> Vec<u16> {
         match self.samples {
@@ -283,10 +346,7 @@ mod tests {
             _ => other.to_rgba16().into_raw(),
         };
         let ours = decode();
-        assert_eq!(
-            (ours.has_color(), ours.has_alpha()),
-            (other.color().has_color(), other.color().has_alpha())
-        );
+        assert_eq!(ours.channels, usize::from(other.color().channel_count()));
         assert_eq!(ours.into_sixteen_bits(), deep, "{what}");
         assert!(format.decode(file, 5).is_err(), "more than five bytes: {what}");
     }

@@ -6,12 +6,15 @@
 use std::io::Cursor;
 use std::path::Path;
 
+use ::exr::math::Vec2;
+use ::exr::meta::attribute::{AttributeValue, Chromaticities, IntegerBounds};
 use ::exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Layer, LayerAttributes, LineOrder,
     MetaData, ReadChannels, ReadLayers, Text, WritableImage,
 };
 
 use super::atomic;
+use super::picture::meaning;
 use crate::error::{Error, Result};
 use crate::file;
 use crate::image::{Image, Resolution};
@@ -72,14 +75,15 @@ fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::ex
     Ok(picture.write().to_buffered(&mut file).map(|()| file.into_inner()))
 }
 
-/// Reads one layer. It is RGB if it has the channels `R`, `G` and `B`, and luma from the channel `Y` otherwise. Half floats and integers
-/// are converted to `f32`.
+/// Reads one layer, as the display window shows it: pixels outside the layer's data window are black. It is RGB if it has the channels `R`,
+/// `G` and `B`, and luma from the channel `Y` otherwise. Half floats and integers are converted to `f32`.
 ///
 /// `layer` is the prefix of the channel names, or the name of a part. If it is `None`, the channels without a prefix are read, or the only
 /// layer in the file.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] if the file is malformed or has no such layer. The message lists the layers.
+/// [`Error::Read`]; [`Error::Data`] if the file is malformed, if its primaries are not those of Rec. 709, if its pixels are not square, if
+/// it has luminance with chroma, or if it has no such layer, where the message lists the layers.
 pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
     let bytes = file::read(path)?;
     let unusable = |fault| unusable(path, fault);
@@ -100,17 +104,22 @@ pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
     Ok(found.swap_remove(chosen).1)
 }
 
-/// The sizes of the layers, as stated in the file. No pixels are decoded.
+/// The size of the display window, in which every layer is shown. No pixels are decoded.
 pub(super) fn sizes(path: &Path) -> Result<Vec<Resolution>> {
     let bytes = file::read(path)?;
     let header = || MetaData::read_from_buffered(bytes.as_slice(), false).map_err(|error| error.to_string());
     let meta = machine::unless_panics(header).unwrap_or_else(|| Err("it is malformed".into()));
     let headers = meta.map_err(|fault| unusable(path, fault))?.headers;
-    Ok(headers.iter().map(|of| Resolution::new(of.layer_size.width(), of.layer_size.height())).collect())
+    Ok(headers.iter().map(|of| shown(&of.shared_attributes.display_window)).collect())
+}
+
+fn shown(window: &IntegerBounds) -> Resolution {
+    Resolution::new(window.size.width(), window.size.height())
 }
 
 fn unusable(path: &Path, fault: String) -> Error {
-    Error::data(path, fault).help("give an EXR file with channels R, G, B or Y, bare or in a layer")
+    Error::data(path, fault)
+        .help("give an EXR file with channels R, G and B in Rec. 709, or Y, bare or in a layer")
 }
 
 fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
@@ -122,7 +131,9 @@ fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
 fn decode_unguarded(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
     let meta = MetaData::read_from_buffered(bytes, false).map_err(|error| error.to_string())?;
     let samples = meta.headers.iter().try_fold(0_usize, |sum, header| {
-        let each = header.layer_size.width().checked_mul(header.layer_size.height())?;
+        let window = header.shared_attributes.display_window.size;
+        let area = |size: Vec2<usize>| size.width().checked_mul(size.height());
+        let each = area(header.layer_size)?.max(area(window)?);
         sum.checked_add(each.checked_mul(header.channels.list.len())?)
     });
     if samples.is_none_or(|count| count > MAX_SAMPLES) {
@@ -141,9 +152,28 @@ fn decode_unguarded(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, S
         .from_buffered(Cursor::new(bytes))
         .map_err(|error| error.to_string())?;
 
+    let window = picture.attributes.display_window;
+    if shown(&window).pixels() == 0 {
+        return Err("its display window is empty".into());
+    }
+    meaning::require_square(Some(picture.attributes.pixel_aspect))?;
+    if let Some(Chromaticities { red, green, blue, white }) = picture.attributes.chromaticities {
+        let stated = [red, green, blue, white].map(|Vec2(x, y)| [x, y]);
+        meaning::require_rec709(stated.as_flattened().try_into().unwrap_or(&meaning::REC709))?;
+    }
     let mut found = Vec::new();
     for part in &picture.layer_data {
         let resolution = Resolution::new(part.size.width(), part.size.height());
+        let corner = |of: Vec2<i32>| [i64::from(of.x()), i64::from(of.y())];
+        let ([x, y], [left, above]) = (corner(part.attributes.layer_position), corner(window.position));
+        if let Some(AttributeValue::Text(space)) = part.attributes.other.get(&Text::from("colorInteropID"))
+            && !["lin_rec709", "data", "unknown"].iter().any(|known| space.to_string().starts_with(known))
+        {
+            return Err(format!("its colorInteropID is {:?}, not lin_rec709_scene", space.to_string()));
+        }
+        if part.channel_data.list.iter().any(|channel| channel.name.to_string().ends_with("RY")) {
+            return Err("it has luminance and chroma (Y, RY and BY) instead of R, G and B".into());
+        }
         let part_name = part.attributes.layer_name.as_ref().map(Text::to_string).unwrap_or_default();
         let channels: Vec<(String, &FlatSamples)> = part
             .channel_data
@@ -158,12 +188,36 @@ fn decode_unguarded(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, S
         prefixes.dedup();
         for prefix in prefixes {
             if let Some(image) = assemble(&channels, prefix, resolution) {
+                let image = placed(image, shown(&window), (x - left, y - above));
                 let name = [part_name.as_str(), prefix].into_iter().filter(|name| !name.is_empty());
                 found.push((name.collect::<Vec<_>>().join("."), image));
             }
         }
     }
     Ok(found)
+}
+
+/// The part of an image inside a window of size `shown`, in which the image has its top left corner at `offset`; black elsewhere.
+fn placed(image: Image, shown: Resolution, (left, above): (i64, i64)) -> Image {
+    if image.resolution() == shown && (left, above) == (0, 0) {
+        return image;
+    }
+    let (size, channels) = (image.resolution(), image.channels());
+    let mut placed = Image::filled(shown, channels, 0.0);
+    // The rows or columns of the window that the image covers. No length of memory is too large for `i64`.
+    let covered = |offset: i64, length: usize, of: usize| {
+        let within = |at: i64| at.clamp(0, of as i64) as usize;
+        within(offset)..within(offset + length as i64)
+    };
+    let columns = covered(left, size.width, shown.width);
+    for y in covered(above, size.height, shown.height).filter(|_| !columns.is_empty()) {
+        let row = (y as i64 - above) as usize * size.width;
+        let from = channels * (row + (columns.start as i64 - left) as usize);
+        let to = channels * (y * shown.width + columns.start);
+        let length = channels * columns.len();
+        placed.samples_mut()[to..to + length].copy_from_slice(&image.samples()[from..from + length]);
+    }
+    placed
 }
 
 /// The image of the channels `prefix.R`, `prefix.G`, `prefix.B`, or of `prefix.Y`; `None` if the file has neither.

@@ -5,6 +5,7 @@
 //! | `.npy` arrays, `H×W`, `H×W×3`, `k×H×W` or `k` | [`npy`] |
 //! | `.exr` layers, 32-bit floats | [`exr`] |
 //! | `.png` pictures: 8 bits when written, 8 or 16 bits when read | [`picture`], [`raster`] |
+//! | `.jpg`, `.tif`, `.hdr`, `.pfm`, `.pgm` and `.ppm` pictures, which are read only | [`picture`] |
 //! | `.npz` (for `scipy.sparse.load_npz`) and `.mtx` matrices | [`sparse`] |
 //! | `run.json`, the record of a run | [`manifest`] |
 //! | `model/`, a captured low-rank model | [`model`] |

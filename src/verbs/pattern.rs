@@ -52,7 +52,7 @@ impl FromStr for Pattern {
                 .ok_or_else(|| format!("`{text}` needs a column and a row, e.g. pixel:64,32")),
             _ if Path::new(text).extension().is_some() => Ok(Self::File(text.into())),
             _ => Err(
-                "expected white, black, left, checker:N, stripes:N, pixel:X,Y, or a .npy, .exr or .png file"
+                "expected white, black, left, checker:N, stripes:N, pixel:X,Y, or an image file (.npy, .exr, .png, .tif …)"
                     .into(),
             ),
         }

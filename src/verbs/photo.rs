@@ -21,7 +21,7 @@ use crate::transport::Channels;
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = "Example:\n  krylux photo scene.glb --pattern checker:8 -o photo.exr -o photo.png")]
 pub struct TakePhoto {
-    /// What is projected: white, black, left, checker:N, stripes:N, pixel:X,Y, or a .npy, .exr or .png file
+    /// What is projected: white, black, left, checker:N, stripes:N, pixel:X,Y, or an image file (.npy, .exr, .png, .tif …)
     #[arg(long, value_name = "PATTERN", default_value = "white")]
     pub pattern: Pattern,
     /// Gray or coloured [default: rgb; a rig's photo is what its camera sees]

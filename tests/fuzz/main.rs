@@ -154,6 +154,7 @@ fuzzed_by!(
     mtx,
     png,
     jpeg,
+    other_picture,
     exr,
     glb,
     gltf,

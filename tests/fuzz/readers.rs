@@ -52,7 +52,7 @@ pub fn png() -> Reader {
         seeds: seeds::png,
         read: |folder| {
             let path = folder.join("file.png");
-            let _ = picture::read_png(&path);
+            let _ = picture::read(&path);
             let _ = picture::read_sized(&path, Resolution::new(4, 2), "the test");
         },
     }
@@ -64,6 +64,16 @@ pub fn jpeg() -> Reader {
         file: "file.jpg",
         seeds: seeds::jpeg,
         read: |folder| drop(picture::read(&folder.join("file.jpg"))),
+    }
+}
+
+/// The formats of patterns that no scene has; their content tells which it is.
+pub fn other_picture() -> Reader {
+    Reader {
+        name: "other_picture",
+        file: "file.tif",
+        seeds: seeds::other_picture,
+        read: |folder| drop(picture::read(&folder.join("file.tif"))),
     }
 }
 

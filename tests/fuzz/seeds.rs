@@ -80,11 +80,77 @@ fn encoded(format: ImageFormat, colors: &[ExtendedColorType]) -> Vec<Vec<u8>> {
 
 pub fn png(_: &Path) -> Vec<Vec<u8>> {
     use ExtendedColorType::{L8, L16, La8, Rgb8, Rgb16, Rgba8};
-    encoded(ImageFormat::Png, &[L8, La8, Rgb8, Rgba8, L16, Rgb16])
+    let mut told = Vec::new();
+    let mut writer = png::Encoder::new(&mut told, 2, 1).write_header().expect("the header is valid");
+    let chunks: [(&[u8; 4], &[u8]); 4] =
+        [(b"cICP", &[1, 13, 0, 1]), (b"gAMA", &[0, 1, 0, 0]), (b"cHRM", &[0; 32]), (b"eXIf", EXIF)];
+    for (name, data) in chunks {
+        writer.write_chunk(png::chunk::ChunkType(*name), data).expect("memory can be written");
+    }
+    writer.write_image_data(&[1, 2]).expect("the pixels are complete");
+    writer.finish().expect("memory can be written");
+    encoded(ImageFormat::Png, &[L8, La8, Rgb8, Rgba8, L16, Rgb16]).into_iter().chain([told]).collect()
 }
 
+/// A colour profile with a curve of three steps, in tags of one length.
+fn profile() -> Vec<u8> {
+    let mut bytes = vec![0; 128];
+    bytes[16..24].copy_from_slice(b"GRAYXYZ ");
+    bytes.extend(2_u32.to_be_bytes());
+    for (tag, start) in [(b"kTRC", 156_u32), (b"desc", 174)] {
+        bytes.extend([&tag[..], &start.to_be_bytes(), &18_u32.to_be_bytes()].concat());
+    }
+    bytes.extend(b"curv\0\0\0\0\0\0\0\x03\0\0\x40\0\xff\xff");
+    bytes.extend(b"desc\0\0\0\0\0\0\0\x06gamma\0");
+    bytes
+}
+
+/// Exif data with an orientation.
+const EXIF: &[u8] = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";
+
 pub fn jpeg(_: &Path) -> Vec<Vec<u8>> {
-    encoded(ImageFormat::Jpeg, &[ExtendedColorType::L8, ExtendedColorType::Rgb8])
+    let plain = encoded(ImageFormat::Jpeg, &[ExtendedColorType::L8, ExtendedColorType::Rgb8]);
+    let mut told = plain[0].clone();
+    for (marker, data) in
+        [(0xe1, [b"Exif\0\0", EXIF].concat()), (0xe2, [b"ICC_PROFILE\0\x01\x01", &profile()[..]].concat())]
+    {
+        let length = (data.len() as u16 + 2).to_be_bytes();
+        told.splice(2..2, [&[0xff, marker], &length[..], &data].concat());
+    }
+    plain.into_iter().chain([told]).collect()
+}
+
+/// TIFF, Radiance, PFM, PGM and PPM.
+pub fn other_picture(_: &Path) -> Vec<Vec<u8>> {
+    let radiance = |rows: &[u8]| {
+        [&b"#?RADIANCE\nEXPOSURE=2\nCOLORCORR=1 2 1\nPRIMARIES=.64 .33 .3 .6 .15 .06 .3127 .329\n\n+X 2 -Y 9\n"[..], rows].concat()
+    };
+    let old = [[9, 8, 7, 130], [1, 1, 1, 8]].concat().repeat(2);
+    let new = [&[2, 2, 0, 9][..], &[137, 7, 9, 1, 2, 3, 4, 5, 6, 7, 8, 9].repeat(2)].concat().repeat(2);
+    let mut seeds = vec![
+        radiance(&old),
+        radiance(&new),
+        b"P2\n# a comment\n2 2 1000\n1 20\n300 1000\n".to_vec(),
+        b"P5 2 2 255\n\x01\x02\x03\x04".to_vec(),
+        b"P6\n1 1\n65535\n\x01\x02\x03\x04\x05\x06".to_vec(),
+        b"Pf\n2 1\n-1\n\0\0\x80\x3f\0\0\0\x40".to_vec(),
+    ];
+    #[cfg(feature = "pictures")]
+    for compression in [tiff::encoder::Compression::Uncompressed, tiff::encoder::Compression::Lzw] {
+        use tiff::encoder::{TiffEncoder, colortype::RGB16};
+        let mut file = std::io::Cursor::new(Vec::new());
+        let encoder = TiffEncoder::new(&mut file).expect("memory can be written");
+        let mut encoder = encoder.with_compression(compression);
+        let mut image = encoder.new_image::<RGB16>(2, 2).expect("it has pixels");
+        image.encoder().write_tag(tiff::tags::Tag::Orientation, 6_u16).expect("memory can be written");
+        image
+            .encoder()
+            .write_tag(tiff::tags::Tag::IccProfile, &profile()[..])
+            .expect("memory can be written");
+        image.write_data(&[7; 12]).expect("the pixels are complete");
+        seeds.push(file.into_inner());
+    }
+    seeds
 }
 
 pub fn texture(_: &Path) -> Vec<Vec<u8>> {

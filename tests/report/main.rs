@@ -2,6 +2,7 @@
 
 mod arrays;
 mod index;
+mod metadata;
 mod page;
 mod pictures;
 mod plots;

@@ -3,8 +3,8 @@
 use image::ExtendedColorType;
 use krylux::Error;
 use krylux::image::{Image, Resolution};
-use krylux::io::{picture, raster};
-use krylux::io::{picture::read_png, raster::Raster};
+use krylux::io::picture::{self, read};
+use krylux::io::raster::{self, Raster};
 use tempfile::TempDir;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
@@ -15,7 +15,7 @@ fn a_png_pattern_is_decoded_from_srgb() -> Outcome {
     let path = folder.path().join("pattern.png");
     let size = Resolution::new(256, 1);
     Raster::from_pixels(size, (0..=255).map(|level| [level, 255 - level, 128])).write_png(&path)?;
-    let linear = read_png(&path)?;
+    let linear = read(&path)?;
     assert_eq!((linear.resolution(), linear.channels()), (size, 3));
     // The definition's own fixed points: black, white, and 128 ↦ 0.2158605.
     assert_eq!(linear.samples()[..2], [0.0, 1.0]);
@@ -34,7 +34,7 @@ fn gray_and_sixteen_bit_files_keep_their_precision() -> Outcome {
     let levels: Vec<u16> = (0..64_u16).map(|level| level * 1040 + 3).collect();
     let bytes: Vec<u8> = levels.iter().flat_map(|level| level.to_ne_bytes()).collect();
     image::save_buffer(&path, &bytes, 8, 8, ExtendedColorType::L16)?;
-    let linear = read_png(&path)?;
+    let linear = read(&path)?;
     assert_eq!(linear.channels(), 1);
     for (sample, level) in linear.samples().iter().zip(levels) {
         assert_eq!(*sample, raster::decode_srgb(f32::from(level) / 65535.0));
@@ -47,9 +47,9 @@ fn transparency_is_refused_unless_it_is_none() -> Outcome {
     let folder = TempDir::new()?;
     let path = folder.path().join("alpha.png");
     image::save_buffer(&path, &[10, 20, 30, 255], 1, 1, ExtendedColorType::Rgba8)?;
-    assert_eq!(read_png(&path)?.channels(), 3);
+    assert_eq!(read(&path)?.channels(), 3);
     image::save_buffer(&path, &[10, 20, 30, 254], 1, 1, ExtendedColorType::Rgba8)?;
-    assert!(read_png(&path).is_err_and(|error| error.to_string().contains("transparent")));
+    assert!(read(&path).is_err_and(|error| error.to_string().contains("transparent")));
     Ok(())
 }
 
@@ -62,14 +62,14 @@ fn mutilated_pngs_are_errors_or_images() -> Outcome {
     for length in 0..whole.len() {
         std::fs::write(&path, &whole[..length])?;
         // The end marker, the last twelve bytes, may be missing without harm.
-        assert!(length + 12 >= whole.len() || matches!(read_png(&path), Err(Error::Data { .. })), "{length}");
+        assert!(length + 12 >= whole.len() || matches!(read(&path), Err(Error::Data { .. })), "{length}");
     }
     for at in 0..whole.len() {
         for change in [0x01, 0x80, 0xff] {
             let mut bytes = whole.clone();
             bytes[at] ^= change;
             std::fs::write(&path, &bytes)?;
-            let _ = read_png(&path);
+            let _ = read(&path);
         }
     }
     Ok(())

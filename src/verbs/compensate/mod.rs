@@ -28,7 +28,7 @@ pub use answer::Compensated;
 #[serde(default, deny_unknown_fields)]
 #[command(after_help = "Example:\n  krylux compensate scene.glb --target target.png -o out/compensated")]
 pub struct Compensate {
-    /// What is to be seen: a .npy, .exr or .png file of values in [0, 1], as large as --size
+    /// What is to be seen: an image file (.npy, .exr, .png, .tif …) of values in [0, 1], as large as --size
     #[arg(long, value_name = "FILE", required = true, value_parser = PathBufValueParser::new().map(Picture::File))]
     pub target: Option<Picture>,
     /// The paper's recipe: MINRES (GMRES where the rig is not coaxial) preconditioned by the direct image, five photos, the
@@ -87,7 +87,7 @@ pub struct Compensate {
 /// A picture in a request: a file, or pixel values.
 #[derive(Clone, Debug)]
 pub enum Picture {
-    /// A `.npy`, `.exr` or `.png` file.
+    /// The file of an image.
     File(PathBuf),
     /// The pixel values. The record of a run does not contain them.
     Pixels(Image),

@@ -42,14 +42,14 @@ pub struct Relight {
     /// white alone, as for rigs that are not coaxial [default: 12]
     #[arg(long, value_name = "N", value_parser = count::<usize>)]
     pub block: Option<usize>,
-    /// Relight with it: white, black, left, checker:N, stripes:N, pixel:X,Y, or a .npy, .exr or .png file; may be given several
+    /// Relight with it: white, black, left, checker:N, stripes:N, pixel:X,Y, or an image file (.npy, .exr, .png, .tif …); may be given several
     /// times [default: white]
     #[arg(long = "pattern", value_name = "PATTERN")]
     pub patterns: Vec<Pattern>,
     /// Light the scene from the camera by each pattern, as the projector would see it
     #[arg(long)]
     pub dual: bool,
-    /// Take the interreflections out of this photo: a .npy, .exr or .png file of radiance; may be given several times
+    /// Take the interreflections out of this photo: an image file (.npy, .exr, .hdr, .tif …) of radiance; may be given several times
     #[arg(long = "inverse", value_name = "PHOTO")]
     pub photographs: Vec<PathBuf>,
     /// Exit status 1 if a relit photo differs from the true one by more than this share of it (scenes only)

@@ -116,8 +116,8 @@ impl FrameSource for Interruptible {
     after_help = "Examples:\n  krylux rig preview rig.toml\n  krylux rig preview rig.toml --frames 1 --pattern checker:4 -o preview.png"
 )]
 pub struct PreviewCamera {
-    /// The projected pattern: white, black, left, checker:N, stripes:N, pixel:X,Y, or a .npy, .exr or .png
-    /// file (as levels)
+    /// The projected pattern: white, black, left, checker:N, stripes:N, pixel:X,Y, or an image file
+    /// (.npy, .exr, .png, .tif …), as levels
     #[arg(long, value_name = "PATTERN", default_value = "white")]
     pub pattern: Pattern,
     /// Seconds of each exposure [default: the longest exposure in the rig file, else the one at which white
