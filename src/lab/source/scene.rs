@@ -125,6 +125,9 @@ impl SceneSource {
         observer: &SharedObserver,
     ) -> Result<Self> {
         tracer.observe(Arc::clone(&observer.0));
+        if settings.operator.backend == Backend::Cpu {
+            tracer.assemble_on_device(false);
+        }
         let adapter = tracer.adapter().clone();
         let AdapterSummary { name, kind, driver_version, .. } = &adapter;
         observer.detail(format_args!("adapter   {name} ({kind}), {driver_version}"));
