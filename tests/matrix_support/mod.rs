@@ -165,7 +165,8 @@ pub fn scipy_files(matrix: &Entries, is_packed: bool) -> Vec<(&'static str, Vec<
             ("data", doubles(&[values.len()], &values)),
         ]
     };
-    let numbers = |number: fn(&(usize, usize, i32)) -> i64| matrix.entries.iter().map(number).collect::<Vec<_>>();
+    let numbers =
+        |number: fn(&(usize, usize, i32)) -> i64| matrix.entries.iter().map(number).collect::<Vec<_>>();
     let values: Vec<f64> = matrix.entries.iter().map(|entry| f64::from(entry.2)).collect();
     let coordinates = vec![
         ("row", long_integers(&numbers(|entry| entry.0 as i64))),

@@ -115,7 +115,8 @@ proptest! {
 fn variables_that_are_no_matrices_are_passed_over() -> krylux::Result<()> {
     let matrix = Entries { rows: 2, cols: 3, entries: vec![(0, 2, 4), (1, 0, -3), (1, 0, 1)] };
     for mat in MATS {
-        let text = [mat.head(matlab::CHAR_CLASS, &[2, 2], "note"), mat.element(4, &[65, 0, 66, 0, 67, 0, 68, 0])];
+        let text =
+            [mat.head(matlab::CHAR_CLASS, &[2, 2], "note"), mat.element(4, &[65, 0, 66, 0, 67, 0, 68, 0])];
         let file = mat.file(&[
             mat.dense("size", &[1, 2], matlab::INT8, &[8.0, 6.0]),
             text.concat(),

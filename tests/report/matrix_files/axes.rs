@@ -53,9 +53,7 @@ fn an_array_of_four_axes_is_a_matrix_of_known_pictures() -> Outcome {
     let mut files = vec![("a.npy", doubles(&shape, &values))];
     // In the order of MATLAB the first axis runs fastest.
     let (_, reversed) = array(&[4, 3, 2, 1]);
-    files.extend(MATS.map(|mat| {
-        ("a.mat", mat.file(&[mat.dense("T", &shape, matlab::DOUBLE, &reversed)]))
-    }));
+    files.extend(MATS.map(|mat| ("a.mat", mat.file(&[mat.dense("T", &shape, matlab::DOUBLE, &reversed)]))));
     for (name, bytes) in files {
         let file = read(name, &bytes)?;
         assert_eq!(file.pictures, Some(pictures()), "{name}");

@@ -36,7 +36,11 @@ fn a_file_that_is_cut_off_anywhere_is_an_error() {
     for (name, whole) in files() {
         assert!(read(&name, &whole).is_ok(), "{name}");
         for cut in 0..whole.len() {
-            assert!(read_in(&folder, &name, &whole[..cut]).is_err(), "{name} cut at {cut} of {}", whole.len());
+            assert!(
+                read_in(&folder, &name, &whole[..cut]).is_err(),
+                "{name} cut at {cut} of {}",
+                whole.len()
+            );
         }
     }
 }
@@ -85,8 +89,7 @@ fn a_file_of_matlab_7_3_is_refused_with_both_ways_out() {
 fn two_matrices_in_one_file_are_refused_by_their_names() {
     let square = [1.0, 2.0, 3.0, 4.0];
     for mat in MATS {
-        let [first, second] =
-            ["near", "far"].map(|name| mat.dense(name, &[2, 2], matlab::DOUBLE, &square));
+        let [first, second] = ["near", "far"].map(|name| mat.dense(name, &[2, 2], matlab::DOUBLE, &square));
         let why = refusal("a.mat", &mat.file(&[first, second]));
         assert!(why.contains("variables `near` and `far`"), "{why}");
     }
@@ -102,7 +105,8 @@ fn files_without_a_matrix_are_refused() {
     let row = mat.dense("row", &[1, 5], matlab::INT8, &[1.0; 5]);
     let why = refusal("a.mat", &mat.file(&[row]));
     assert!(why.contains("no variable that is a matrix of real numbers"), "{why}");
-    let complex = [mat.head(matlab::DOUBLE_CLASS | 0x800, &[2, 2], "T"), mat.numbers(matlab::INT8, &[1.0; 4])];
+    let complex =
+        [mat.head(matlab::DOUBLE_CLASS | 0x800, &[2, 2], "T"), mat.numbers(matlab::INT8, &[1.0; 4])];
     let why = refusal("a.mat", &mat.file(&[complex.concat()]));
     assert!(why.contains("no variable that is a matrix of real numbers"), "{why}");
     let why = refusal("a.npz", &npz(&[("row", doubles(&[5], &[1.0; 5]))], false));
@@ -136,7 +140,8 @@ fn indices_outside_of_the_matrix_are_refused() {
     // In a file of MATLAB only the rows are stated by index.
     for mat in MATS {
         let head = mat.head(matlab::SPARSE_CLASS, &[2, 2], "T");
-        let parts = [[5.0].as_slice(), &[0.0, 1.0, 1.0], &[3.0]].map(|values| mat.numbers(matlab::INT32, values));
+        let parts =
+            [[5.0].as_slice(), &[0.0, 1.0, 1.0], &[3.0]].map(|values| mat.numbers(matlab::INT32, values));
         let why = refusal("a.mat", &mat.file(&[[head, parts.concat()].concat()]));
         assert!(why.contains("entry (5, 0) lies outside"), "{why}");
     }
