@@ -176,6 +176,75 @@ def test_matrices_of_any_form_are_sources(tmp_path, rectangular):
         assert np.array_equal(krylux.open(source).matrix().toarray(), true)
 
 
+def test_the_size_of_a_matrix_says_which_pictures_it_maps():
+    rng = np.random.default_rng(4)
+    # Small whole numbers: sums are exact in single precision.
+    dense = rng.integers(0, 5, (48, 48)).astype(float)
+    matrix = scipy.sparse.csr_array(dense)
+    with krylux.open(matrix, size=(8, 6)) as lab:
+        assert lab.shape == lab.projector_shape == (6, 8)
+        left = np.zeros((6, 8))
+        left[:, :4] = 1
+        assert np.array_equal(lab.photo("left"), (dense @ left.ravel()).reshape(6, 8))
+        assert np.array_equal(lab.photo(left), lab.photo("left"))
+        assert np.array_equal(lab.photo("pixel:3,2"), dense[:, 2 * 8 + 3].reshape(6, 8))
+        assert lab.white.shape == (6, 8)
+
+
+def test_a_matrix_may_map_pictures_of_two_sizes():
+    dense = np.random.default_rng(5).integers(0, 5, (48, 20)).astype(float)
+    with krylux.open(scipy.sparse.csr_array(dense), size=(8, 6), projector_size=(5, 4)) as lab:
+        assert (lab.shape, lab.projector_shape) == ((6, 8), (4, 5))
+        pattern = np.random.default_rng(6).integers(0, 2, (4, 5)).astype(float)
+        assert np.array_equal(lab.photo(pattern), (dense @ pattern.ravel()).reshape(6, 8))
+        lit = np.zeros((4, 5))
+        lit[:, :2] = 1
+        assert np.array_equal(lab.photo("left"), lab.photo(lit))
+        assert np.array_equal(lab.matrix().toarray(), dense)
+        with pytest.raises(krylux.errors.OptionError, match=r"^pattern: its shape is \(6, 8\), but 4 × 5"):
+            lab.photo(np.ones((6, 8)))
+
+
+def test_a_matrix_without_a_size_has_no_left_half():
+    with krylux.open(scipy.sparse.eye_array(48, format="csr")) as lab:
+        assert lab.shape == (1, 48)
+        assert np.array_equal(lab.photo("white"), np.ones((1, 48)))
+        with pytest.raises(krylux.errors.OptionError, match="48 rows and 48 columns") as caught:
+            lab.photo("left")
+        assert caught.value.option == "size" and "projector_size" in caught.value.help
+        assert "--" not in str(caught.value)
+
+
+@pytest.mark.parametrize("sizes, option", [
+    ({"size": (7, 6)}, "size"), ({"size": 8}, "size"), ({"size": (8, 6)}, "projector_size"),
+    ({"projector_size": (5, 4)}, "size"), ({"size": (8, 6), "projector_size": (6, 4)}, "projector_size"),
+])
+def test_sizes_that_do_not_fit_a_matrix_are_named(sizes, option):
+    with pytest.raises(krylux.errors.OptionError) as caught:
+        krylux.open(scipy.sparse.csr_array(np.ones((48, 20))), **sizes)
+    assert caught.value.option == option and "--" not in str(caught.value)
+
+
+def test_matrices_in_files_of_other_formats_are_sources(tmp_path):
+    import scipy.io
+
+    matrix = scipy.sparse.random_array((48, 20), density=0.3, rng=np.random.default_rng(7), format="csc")
+    dense = matrix.toarray()
+    scipy.io.savemat(tmp_path / "sparse.mat", {"T": matrix, "scale": 2.0}, do_compression=True)
+    scipy.io.savemat(tmp_path / "dense.mat", {"T": dense})
+    scipy.io.mmwrite(tmp_path / "general.mtx", matrix, precision=17)
+    np.savez(tmp_path / "dense.npz", T=dense)
+    np.save(tmp_path / "axes.npy", dense.reshape(6, 8, 4, 5))
+    for name in ("csr", "csc", "coo", "bsr", "dia"):
+        scipy.sparse.save_npz(tmp_path / f"{name}.npz", matrix.asformat(name))
+    names = {path.name for path in tmp_path.iterdir()}
+    assert len(names) == 10
+    for name in names:
+        with krylux.open(tmp_path / name) as lab:
+            assert np.array_equal(lab.matrix().toarray(), dense), name
+            assert lab.shape == ((6, 8) if name == "axes.npy" else (1, 48)), name
+
+
 def test_nothing_is_loaded_before_it_is_needed():
     in_another_process("""
 import sys

@@ -58,6 +58,25 @@ def test_compensate_shows_the_target(zigzag, tmp_path):
     assert compared.pattern.min() >= np.float32(0.1) and "minres" in compared.methods
 
 
+def test_compensate_between_pictures_of_two_sizes():
+    rng = np.random.default_rng(8)
+    # Each pixel of the 8×6 photo sees one pixel of the 5×4 pattern, and a little of all others.
+    rows, columns = np.divmod(np.arange(48), 8)
+    dense = 0.02 * rng.random((48, 20))
+    dense[np.arange(48), rows * 4 // 6 * 5 + columns * 5 // 8] += 1
+    light = (dense @ rng.random(20)).reshape(6, 8)
+    with krylux.open(dense, size=(8, 6), projector_size=(5, 4)) as lab:
+        found = lab.compensate(light / light.max(), method="fista", photos=100, peak=float(light.max()))
+        assert found.pattern.shape == (4, 5) and found.observed.shape == (6, 8)
+        assert found.pattern.min() >= 0 and found.pattern.max() <= 1
+        # A pattern inside the box gives this light, so the default tolerance is reached.
+        assert found.residual <= 1e-3
+        assert np.allclose(lab.photo(found.pattern), found.observed, rtol=1e-5)
+        with pytest.raises(krylux.errors.OptionError, match="the map from camera to projector") as caught:
+            lab.compensate(light / light.max(), method="krylov-box", peak=float(light.max()))
+        assert caught.value.option == "method"
+
+
 def test_separate_adds_up_to_the_white_photo(zigzag, tmp_path):
     exact = zigzag.separate(probes=0)
     assert np.allclose(exact.direct + exact.global_, zigzag.white, rtol=1e-5)

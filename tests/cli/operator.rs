@@ -42,7 +42,7 @@ impl Bench {
     }
 
     fn matrix(&self, name: &str) -> Csr {
-        sparse::read_npz(&self.folder.path().join(name)).expect("it was written")
+        sparse::read(&self.folder.path().join(name)).expect("it was written")
     }
 }
 

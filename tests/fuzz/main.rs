@@ -12,6 +12,8 @@
 #[cfg(feature = "gige")]
 mod cameras;
 mod large;
+#[path = "../matrix_support/mod.rs"]
+mod matrix_support;
 mod memory;
 mod mutation;
 mod readers;
@@ -152,6 +154,8 @@ fuzzed_by!(
     npy,
     npz,
     mtx,
+    mtx_gz,
+    mat,
     png,
     jpeg,
     other_picture,

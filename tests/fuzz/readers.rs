@@ -22,7 +22,7 @@ pub fn npy() -> Reader {
         read: |folder| {
             let _ = npy::read_npy(&folder.join("file.npy"));
             let _ = npy::read_image(&folder.join("file.npy"));
-            let _ = sparse::read(&folder.join("file.npy"));
+            let _ = sparse::read_file(&folder.join("file.npy"));
         },
     }
 }
@@ -32,7 +32,7 @@ pub fn npz() -> Reader {
         name: "npz",
         file: "file.npz",
         seeds: seeds::npz,
-        read: |folder| drop(sparse::read(&folder.join("file.npz"))),
+        read: |folder| drop(sparse::read_file(&folder.join("file.npz"))),
     }
 }
 
@@ -41,7 +41,25 @@ pub fn mtx() -> Reader {
         name: "mtx",
         file: "file.mtx",
         seeds: seeds::mtx,
-        read: |folder| drop(sparse::read(&folder.join("file.mtx"))),
+        read: |folder| drop(sparse::read_file(&folder.join("file.mtx"))),
+    }
+}
+
+pub fn mtx_gz() -> Reader {
+    Reader {
+        name: "mtx_gz",
+        file: "file.mtx.gz",
+        seeds: seeds::mtx_gz,
+        read: |folder| drop(sparse::read_file(&folder.join("file.mtx.gz"))),
+    }
+}
+
+pub fn mat() -> Reader {
+    Reader {
+        name: "mat",
+        file: "file.mat",
+        seeds: seeds::mat,
+        read: |folder| drop(sparse::read_file(&folder.join("file.mat"))),
     }
 }
 

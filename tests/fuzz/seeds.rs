@@ -4,10 +4,16 @@ use std::path::Path;
 
 use image::{ExtendedColorType, ImageFormat};
 use krylux::image::{Image, Resolution};
+use krylux::io::sparse::{Beside, Pictures, ProductNoise};
 use krylux::io::{exr, npy, sparse};
 use krylux::journal::{Identity, Journal, Kind};
 use krylux::scene::builtin;
 use krylux::sparse::Csr;
+
+use crate::matrix_support::{
+    Entries, MATS, SYMMETRIES, Symmetry, doubles, matlab, mtx_array, mtx_coordinates, packed_text,
+};
+use crate::matrix_support::{npz as archive, scipy_files};
 
 fn bytes(path: &Path) -> Vec<u8> {
     std::fs::read(path).expect("it was just written, or is shipped")
@@ -37,6 +43,9 @@ pub fn npy(folder: &Path) -> Vec<Vec<u8>> {
     let mut fortran = fortran;
     fortran[at..at + 5].copy_from_slice(b"True ");
     seeds.push(fortran);
+    // Matrices of pictures, gray and in colour.
+    seeds.push(doubles(&[2, 1, 1, 2], &[1.0, 0.0, -2.0, 0.5]));
+    seeds.push(doubles(&[1, 2, 3, 2, 1], &[0.25; 12]));
     seeds
 }
 
@@ -46,24 +55,78 @@ fn matrix(symmetric: bool) -> Csr {
     Csr::new(3, vec![0, 2, 4, 5], columns, weights).expect("well formed")
 }
 
+/// A matrix of whole numbers in which a position is repeated.
+fn entries() -> Entries {
+    Entries { rows: 4, cols: 3, entries: vec![(0, 1, 5), (3, 0, -7), (2, 2, 1), (2, 2, 3), (1, 0, 2)] }
+}
+
+/// What krylux writes beside a matrix.
+fn beside(direct: &Csr) -> Beside<'_> {
+    let [camera, projector] = [(3, 1), (1, 3)].map(|(width, height)| Resolution::new(width, height));
+    let noise = ProductNoise { full: 0.1, direct: 0.2, global: 0.3 };
+    Beside { direct: Some(direct), pictures: Some(Pictures { camera, projector }), noise: Some(noise) }
+}
+
+/// Files of krylux with this name, with and without what is known beside the matrix.
+fn written(folder: &Path, name: &str) -> Vec<Vec<u8>> {
+    let path = folder.join(name);
+    let mut seeds = Vec::new();
+    for symmetric in [false, true] {
+        let matrix = matrix(symmetric);
+        for beside in [Beside::default(), beside(&matrix)] {
+            sparse::write_channel(&path, &matrix, &beside).expect("the folder can be written");
+            seeds.push(bytes(&path));
+        }
+    }
+    seeds
+}
+
 pub fn npz(folder: &Path) -> Vec<Vec<u8>> {
-    [false, true]
-        .map(|symmetric| {
-            let path = folder.join("seed.npz");
-            sparse::write(&path, &matrix(symmetric)).expect("the folder can be written");
-            bytes(&path)
-        })
-        .to_vec()
+    let entries = entries();
+    let others = [false, true].into_iter().flat_map(|is_packed| {
+        let dense = archive(&[("T", doubles(&[4, 3], &entries.dense()))], is_packed);
+        scipy_files(&entries, is_packed).into_iter().map(|(_, bytes)| bytes).chain([dense])
+    });
+    written(folder, "seed.npz").into_iter().chain(others).collect()
+}
+
+/// Texts of Matrix Market in all forms.
+fn market() -> Vec<String> {
+    let mut texts = Vec::new();
+    for symmetry in SYMMETRIES {
+        let listed = entries().listed(symmetry);
+        texts.push(mtx_coordinates(&listed, "integer", symmetry));
+        texts.push(mtx_array(&listed, "real", symmetry));
+        if symmetry != Symmetry::Skew {
+            texts.push(mtx_coordinates(&listed, "pattern", symmetry));
+        }
+    }
+    texts
 }
 
 pub fn mtx(folder: &Path) -> Vec<Vec<u8>> {
-    let written = [false, true].map(|symmetric| {
-        let path = folder.join("seed.mtx");
-        sparse::write(&path, &matrix(symmetric)).expect("the folder can be written");
-        bytes(&path)
-    });
     let integers = b"%%MatrixMarket matrix coordinate integer general\n% a comment\n\n2 3 2\n1 1 5\n2 3 -7\n";
-    written.into_iter().chain([integers.to_vec()]).collect()
+    let others = market().into_iter().map(String::into_bytes);
+    written(folder, "seed.mtx").into_iter().chain([integers.to_vec()]).chain(others).collect()
+}
+
+pub fn mtx_gz(_: &Path) -> Vec<Vec<u8>> {
+    market().iter().map(|text| packed_text(text)).collect()
+}
+
+pub fn mat(_: &Path) -> Vec<Vec<u8>> {
+    let entries = entries();
+    let mut seeds = Vec::new();
+    for mat in MATS {
+        let dense = mat.dense("T", &[4, 3], matlab::DOUBLE, &entries.by_columns());
+        let short = mat.dense("short", &[4, 3], matlab::INT8, &entries.by_columns());
+        let pictures = mat.dense("T", &[2, 1, 1, 2], matlab::INT16, &[1.0, 0.0, -2.0, 5.0]);
+        let row = mat.dense("row", &[1, 2], matlab::INT8, &[1.0, 2.0]);
+        let sparse = mat.sparse("T", &entries);
+        let variables = [vec![dense], vec![short], vec![pictures], vec![row, sparse]];
+        seeds.extend(variables.map(|variables| mat.file(&variables)));
+    }
+    seeds
 }
 
 fn encoded(format: ImageFormat, colors: &[ExtendedColorType]) -> Vec<Vec<u8>> {

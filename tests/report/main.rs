@@ -1,7 +1,11 @@
 //! Files that are written and read, and the page that shows a run.
 
+#[path = "../matrix_support/mod.rs"]
+mod matrix_support;
+
 mod arrays;
 mod index;
+mod matrix_files;
 mod metadata;
 mod page;
 mod pictures;

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use krylux::Error;
 use krylux::io::npy;
-use krylux::io::sparse::{self, write_mtx, write_npz};
+use krylux::io::sparse::{self, Beside, write_mtx, write_npz};
 use krylux::sparse::Csr;
 use tempfile::TempDir;
 
@@ -33,7 +33,7 @@ fn an_npz_holds_what_scipy_expects_bit_for_bit() -> Outcome {
     let folder = TempDir::new()?;
     let path = folder.path().join("matrix.npz");
     let matrix = matrix()?;
-    write_npz(&path, &matrix)?;
+    write_npz(&path, &matrix, &Beside::default())?;
     let array = |name: &str| -> Result<npy::Array, Box<dyn std::error::Error>> {
         let extracted = folder.path().join(name);
         std::fs::write(&extracted, entry(&path, name)?)?;
@@ -52,7 +52,7 @@ fn an_npz_holds_what_scipy_expects_bit_for_bit() -> Outcome {
     );
 
     let first = std::fs::read(&path)?;
-    write_npz(&path, &matrix)?;
+    write_npz(&path, &matrix, &Beside::default())?;
     assert_eq!(std::fs::read(&path)?, first);
     Ok(())
 }
@@ -61,7 +61,7 @@ fn an_npz_holds_what_scipy_expects_bit_for_bit() -> Outcome {
 fn a_matrix_market_file_reads_back_exactly_by_way_of_f64() -> Outcome {
     let folder = TempDir::new()?;
     let path = folder.path().join("matrix.mtx");
-    write_mtx(&path, &matrix()?)?;
+    write_mtx(&path, &matrix()?, &Beside::default())?;
     let text = std::fs::read_to_string(&path)?;
     let mut lines = text.lines();
     assert_eq!(lines.next(), Some("%%MatrixMarket matrix coordinate real general"));
@@ -83,11 +83,11 @@ fn two_by_two(values: [f64; 3]) -> krylux::Result<Csr> {
 fn a_symmetric_matrix_is_written_by_its_lower_triangle() -> Outcome {
     let folder = TempDir::new()?;
     let path = folder.path().join("matrix.mtx");
-    write_mtx(&path, &two_by_two([2.0, 0.5, 0.5])?)?;
+    write_mtx(&path, &two_by_two([2.0, 0.5, 0.5])?, &Beside::default())?;
     let text = std::fs::read_to_string(&path)?;
     assert_eq!(text, "%%MatrixMarket matrix coordinate real symmetric\n2 2 2\n1 1 2e0\n2 1 5e-1\n");
     let nan = two_by_two([2.0, f64::NAN, f64::NAN])?;
-    assert!(matches!(write_mtx(&path, &nan), Err(Error::Write { .. })));
+    assert!(matches!(write_mtx(&path, &nan, &Beside::default()), Err(Error::Write { .. })));
     assert_eq!(std::fs::read_to_string(&path)?, text, "a failed write left the old file alone");
     Ok(())
 }
@@ -138,7 +138,10 @@ fn damaged_matrices_are_errors_and_never_panics() -> Outcome {
         }
     }
     for (text, fault) in [
-        ("%%MatrixMarket matrix array real general\n1 1\n1\n", "first line"),
+        ("%%MatrixMarket matrix coordinate complex general\n1 1 1\n1 1 1 0\n", "first line"),
+        ("%%MatrixMarket matrix array pattern general\n1 1\n1\n", "first line"),
+        ("%%MatrixMarket matrix array real general\n2 1\n1\n", "before the value of row 1 in column 0"),
+        ("%%MatrixMarket matrix array real general\n1 1\n1\n2\n", "line 4: there are more values"),
         ("%%MatrixMarket matrix coordinate real general\n2 2 1\n3 1 1.0\n", "line 3"),
         ("%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n", "states 2"),
         ("%%MatrixMarket matrix coordinate real general\n2 2 1\n1 1 nan\n", "(0, 0)"),
@@ -188,11 +191,11 @@ fn row_starts_begin_at_zero() -> Outcome {
         file.write_all(&std::fs::read(&path)?)
     };
     assert!(refused_npz(BYTES, &[0.0, 1.0, 2.0], values)?.contains("weights: [3.0, 4.0]"));
-    // The name of the format as text of four bytes a letter, and another format.
+    // The name of the format as text of four bytes a letter.
     let text = b"\x93NUMPY\x01\x00c\0\0\0s\0\0\0r\0\0\0";
     assert!(refused_npz(text, &[0.0, 1.0, 2.0], values)?.contains("weights: [3.0, 4.0]"));
-    let other = refused_npz(b"\x93NUMPY\x01\x00csc", &[0.0, 1.0, 2.0], values)?;
-    assert!(other.contains("not in SciPy's CSR format"), "{other}");
+    let other = refused_npz(b"\x93NUMPY\x01\x00lil", &[0.0, 1.0, 2.0], values)?;
+    assert!(other.contains("not in a sparse format of SciPy that is known"), "{other}");
     for starts in [[1.0, 1.0, 2.0], [1.0, 2.0, 2.0]] {
         let message = refused_npz(BYTES, &starts, values)?;
         assert!(message.contains("do not fit together"), "{message}");

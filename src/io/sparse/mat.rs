@@ -166,7 +166,8 @@ fn variable(mut content: Reader<'_>) -> Option<Option<(String, Variable)>> {
     let shape = content.indices()?;
     let (_, name) = content.element(false)?;
     let name = String::from_utf8_lossy(name).into_owned();
-    if shape.iter().filter(|&&length| length > 1).count() < 2 {
+    // Without lengths of zero, the product of all lengths bounds that of any of them.
+    if shape.contains(&0) || shape.iter().filter(|&&length| length > 1).count() < 2 {
         return Some(None);
     }
     if class == SPARSE {
