@@ -85,7 +85,9 @@ class Lab(Asking):
             pattern = self._native.pattern(pattern)
         elif self.kind == "matrix":
             pattern = _checks.real_array(pattern, "pattern", np.float32)
-            if pattern.size == self.projector_shape[0] * self.projector_shape[1]:
+            # A matrix that came without sizes takes a vector in any shape.
+            is_vector = pattern.ndim == 1 or self.projector_shape[0] == 1
+            if is_vector and pattern.size == self.projector_shape[0] * self.projector_shape[1]:
                 pattern = pattern.reshape(self.projector_shape)
         pattern = _checks.picture(pattern, "pattern", self.projector_shape, self.channels)
         photo, error = self._native.photo(pattern, with_error)

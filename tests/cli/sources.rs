@@ -156,8 +156,8 @@ fn a_matrix_answers_as_its_scene_does() {
         };
         for (verb, file) in [
             (&["separate", "--probes", "0"][..], "global.npy"),
-            (&["probe", "--photos", "4"], "values.npy"),
-            (&["eigs", "--singular", "--count", "2", "--photos", "30"], "singular_values.npy"),
+            (&["probe", "--photos", "4"], "probed.npy"),
+            (&["eigs", "--singular", "--count", "2", "--photos", "30"], "singular-values.npy"),
             (&["relight", "--photos", "5"], "relit-1.npy"),
         ] {
             let [found, expected] =

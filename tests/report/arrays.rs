@@ -174,7 +174,7 @@ fn errors_name_the_file_and_what_is_wrong() -> Outcome {
     let error = npy::read_image(&path).err().ok_or("two channels")?.to_string();
     assert!(error.contains("5×4×2") && error.contains("H×W×3"), "{error}");
     assert!(matches!(npy::read_npy(&folder.path().join("absent.npy")), Err(Error::Read { .. })));
-    assert!(matches!(picture::read(Path::new("pattern.tiff")), Err(Error::Data { .. })));
+    assert!(matches!(picture::read(Path::new("pattern.gif")), Err(Error::Data { .. })));
     Ok(())
 }
 
