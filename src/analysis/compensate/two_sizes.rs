@@ -306,7 +306,7 @@ mod tests {
         }
 
         fn photo(&self, pattern: &[f64]) -> Vec<f64> {
-            mapped(&self.whole, pattern)
+            self.whole.times(pattern)
         }
 
         /// The light of a pattern with values up to `most`, and further light of up to `more` that no pattern gives.
@@ -345,13 +345,13 @@ mod tests {
         /// The least residual inside the box, by projected gradients of the normal equations.
         fn optimum(&self, wanted: &Wanted) -> f64 {
             let transpose = self.whole.transposed();
-            let rhs = mapped(&transpose, &wanted.b);
+            let rhs = transpose.times(&wanted.b);
             let ones = vec![1.0; PROJECTOR.pixels()];
             // The matrix is not negative, so the largest row sum of AᵀA bounds its norm.
-            let bound = mapped(&transpose, &self.photo(&ones)).into_iter().fold(0.0, f64::max);
+            let bound = transpose.times(&self.photo(&ones)).into_iter().fold(0.0, f64::max);
             let mut x = vec![0.5; PROJECTOR.pixels()];
             for _ in 0..20_000 {
-                let product = mapped(&transpose, &self.photo(&x));
+                let product = transpose.times(&self.photo(&x));
                 for (x, (rhs, product)) in x.iter_mut().zip(rhs.iter().zip(&product)) {
                     *x = (*x + (rhs - product) / bound).clamp(0.0, 1.0);
                 }
@@ -416,8 +416,8 @@ mod tests {
                     assert!((found.residual - truth).abs() < 1e-6, "{seed}: {} {truth}", found.residual);
                     assert!((found.unclipped_residual - found.residual).abs() < 1e-6, "{seed}");
 
-                    let white = mapped(&map, &scene.photo(&vec![1.0; PROJECTOR.pixels()]));
-                    let start = mapped(&map, &wanted.b);
+                    let white = map.times(&scene.photo(&vec![1.0; PROJECTOR.pixels()]));
+                    let start = map.times(&wanted.b);
                     let start = start.iter().zip(white).map(|(b, white)| (b / white).clamp(0.0, 1.0));
                     let first = scene.residual(&wanted, &start.collect::<Vec<f64>>());
                     // The same sums in another order.
