@@ -77,6 +77,11 @@ pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     Ok(scene)
 }
 
+/// The hash that a scene loaded from these bytes of a `.glb` file has ([`Scene::hash`]).
+pub(crate) fn hash_of_glb(bytes: &[u8]) -> Result<[u8; 32]> {
+    gltf::read("scene", bytes).map(|(scene, _)| scene.hash)
+}
+
 /// A scene that is ready to be traced.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Scene {
