@@ -130,8 +130,11 @@ impl SceneSource {
         observer: &SharedObserver,
     ) -> Result<Self> {
         if let Some(option) = settings.view.first_of_file() {
-            return Err(Error::option(option, "it says how a scene's file is read, and this scene is in memory")
-                .help("leave it out, and give it where the scene is loaded"));
+            return Err(Error::option(
+                option,
+                "it says how a scene's file is read, and this scene is in memory",
+            )
+            .help("leave it out, and give it where the scene is loaded"));
         }
         let scene = editable.to_scene(settings.view.auto_camera)?;
         traced::check(&scene, observer)?;

@@ -74,7 +74,8 @@ impl Mesh {
         let far = |vertex: &Vec3| !(vertex.abs().max_element() <= MAX_COORDINATE);
         if let Some(vertex) = self.vertices.iter().position(|vertex| far(vertex) || vertex.is_nan()) {
             let what = format!("row {vertex} is {}", self.vertices[vertex]);
-            let help = format!("give finite coordinates in metres, at most {MAX_COORDINATE:e} from the origin");
+            let help =
+                format!("give finite coordinates in metres, at most {MAX_COORDINATE:e} from the origin");
             return Err(fault("vertices", what).help(help));
         }
         let [first, second] = &self.texcoords;

@@ -11,7 +11,9 @@ use crate::scene::{AlphaMode, Camera, Material, Texture, TextureRef, Volume, Wra
 /// The value of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// Numbers in rows: one number has the shape `[]`, a colour or a point `[3]`, vertices `[n, 3]`.
+    /// One number.
+    Number(f64),
+    /// Several numbers: a colour or a point has the shape `[3]`, vertices `[n, 3]`.
     Numbers {
         /// The lengths of the axes.
         shape: Vec<usize>,
@@ -33,7 +35,13 @@ pub enum Value {
 
 impl From<f32> for Value {
     fn from(value: f32) -> Self {
-        Self::Numbers { shape: Vec::new(), values: vec![value] }
+        Self::Number(value.into())
+    }
+}
+
+impl From<f64> for Value {
+    fn from(value: f64) -> Self {
+        Self::Number(value)
     }
 }
 
@@ -92,8 +100,7 @@ const FACTORS: [(&str, Range); 14] = [
 ];
 
 const DOUBLE_SIDED: &str = "double_sided";
-const CAMERA: [&str; 6] =
-    ["position", "forward", "up", "vertical_fov", "aperture_radius", "focus_distance"];
+const CAMERA: [&str; 6] = ["position", "forward", "up", "vertical_fov", "aperture_radius", "focus_distance"];
 const GEOMETRY: [&str; 5] = ["vertices", "faces", "normals", "uv", "uv_2"];
 
 /// The numbers of a factor: one, or three of a colour. A material without a volume gets one where a factor of it is asked for.
@@ -148,7 +155,8 @@ impl EditableScene {
     /// factors and pictures; of `camera` and `projector` `position`, `forward`, `up`, `vertical_fov` (in degrees), `aperture_radius` and
     /// `focus_distance`.
     pub fn parameters(&self) -> Vec<String> {
-        let meshes = self.meshes.iter().map(|mesh| (mesh.name.as_str(), GEOMETRY.map(str::to_owned).to_vec()));
+        let meshes =
+            self.meshes.iter().map(|mesh| (mesh.name.as_str(), GEOMETRY.map(str::to_owned).to_vec()));
         let materials = self.materials.iter().map(|of| (of.name.as_str(), properties(of)));
         let cameras = [("camera", &self.camera), ("projector", &self.projector)];
         let cameras = cameras.into_iter().filter(|(_, camera)| camera.is_some());
@@ -186,7 +194,9 @@ impl EditableScene {
         let property = property.to_owned();
         let fault = |(fault, help): Fault| Error::option(path, fault).help(help);
         match (object, value.into()) {
-            (Object::Mesh(index), value) => set_mesh(&mut self.meshes[index], &property, value).map_err(fault),
+            (Object::Mesh(index), value) => {
+                set_mesh(&mut self.meshes[index], &property, value).map_err(fault)
+            }
             (Object::Material(index), Value::Picture { width, texels }) => {
                 self.set_picture(index, &property, (width, texels)).map_err(fault)
             }
@@ -209,7 +219,9 @@ impl EditableScene {
         let (name, property) = path.rsplit_once('.').unwrap_or((path, ""));
         let mesh = || self.meshes.iter().position(|mesh| mesh.name == name).map(Object::Mesh);
         let material = || self.materials.iter().position(|of| of.name == name).map(Object::Material);
-        let is_texture = |property| Material::default().texture_slots().iter().any(|(role, _)| texture_name(role) == property);
+        let is_texture = |property| {
+            Material::default().texture_slots().iter().any(|(role, _)| texture_name(role) == property)
+        };
         let is_factor = FACTORS.iter().any(|(factor, _)| *factor == property);
         let object = match property {
             _ if name == "camera" && CAMERA.contains(&property) => Some(Object::Camera),
@@ -230,7 +242,8 @@ impl EditableScene {
     fn of_material(&self, material: &Material, property: &str) -> Option<Value> {
         // The tables of slots give places to write to, so a copy is asked.
         let mut material = material.clone();
-        if let Some((_, slot)) = material.texture_slots().into_iter().find(|(role, _)| texture_name(role) == property)
+        if let Some((_, slot)) =
+            material.texture_slots().into_iter().find(|(role, _)| texture_name(role) == property)
         {
             let texture = self.textures.get(slot.as_ref()?.texture as usize)?;
             return Some(Value::Picture { width: texture.width, texels: texture.texels.clone() });
@@ -238,7 +251,7 @@ impl EditableScene {
         match property {
             DOUBLE_SIDED => return Some(material.double_sided.into()),
             // An opaque surface ignores its opacity.
-            "opacity" if material.alpha_mode == AlphaMode::Opaque => return Some(1.0.into()),
+            "opacity" if material.alpha_mode == AlphaMode::Opaque => return Some(Value::Number(1.0)),
             _ if !has_effect(&material, property) => return None,
             _ => {}
         }
@@ -257,11 +270,18 @@ impl EditableScene {
         (width, texels): (u32, Vec<[u8; 4]>),
     ) -> std::result::Result<(), Fault> {
         let height = texels.len() / width.max(1) as usize;
-        if width == 0 || height == 0 || texels.len() != width as usize * height || width.max(height as u32) > MAX_SIDE {
-            let help = format!("give an array of shape (h, w, 3) or (h, w, 4), of 1 to {MAX_SIDE} pixels a side");
+        if width == 0
+            || height == 0
+            || texels.len() != width as usize * height
+            || width.max(height as u32) > MAX_SIDE
+        {
+            let help =
+                format!("give an array of shape (h, w, 3) or (h, w, 4), of 1 to {MAX_SIDE} pixels a side");
             return Err((format!("it has {width}×{height} pixels"), help));
         }
-        let uses = |index: u32| self.materials.iter().flat_map(Material::textures).filter(|(_, of)| of.texture == index).count();
+        let uses = |index: u32| {
+            self.materials.iter().flat_map(Material::textures).filter(|(_, of)| of.texture == index).count()
+        };
         let slot_of = |material: &mut Material| {
             let slot = material.texture_slots().into_iter().find(|(role, _)| texture_name(role) == property);
             slot.and_then(|(_, slot)| *slot)
@@ -306,9 +326,8 @@ fn shape_fault(shape: &[usize], expected: &str) -> Fault {
 /// One number, or three.
 fn numbers(value: Value, expected: &str) -> std::result::Result<Vec<f32>, Fault> {
     match value {
-        Value::Numbers { shape, values } if shape.iter().product::<usize>() == values.len() && shape.len() <= 1 => {
-            Ok(values)
-        }
+        Value::Number(number) => Ok(vec![number as f32]),
+        Value::Numbers { shape, values } if shape == [values.len()] => Ok(values),
         Value::Numbers { shape, .. } => Err(shape_fault(&shape, expected)),
         _ => Err(("it is no number".into(), format!("give {expected}"))),
     }
@@ -316,20 +335,30 @@ fn numbers(value: Value, expected: &str) -> std::result::Result<Vec<f32>, Fault>
 
 fn set_material(material: &mut Material, property: &str, value: Value) -> std::result::Result<(), Fault> {
     if property == DOUBLE_SIDED {
-        let Value::Flag(flag) = value else { return Err(("it is not yes or no".into(), "give true or false".into())) };
+        let Value::Flag(flag) = value else {
+            return Err(("it is not yes or no".into(), "give true or false".into()));
+        };
         material.double_sided = flag;
         return Ok(());
     }
     let Some((_, range)) = FACTORS.iter().find(|(name, _)| *name == property) else {
-        return Err(("it is no picture".into(), "give an array of shape (h, w, 3) or (h, w, 4), uint8".into()));
+        return Err((
+            "it is no picture".into(),
+            "give an array of shape (h, w, 3) or (h, w, 4), uint8".into(),
+        ));
     };
     let is_color = factor(&mut material.clone(), property).len() == 3;
     let expected = if is_color { "a number, or three of a colour" } else { "a number" };
     let values = numbers(value, expected)?;
     for &value in &values {
-        range.check(value).map_err(|range| (format!("it is {value}"), format!("give {expected}, {range}")))?;
+        range
+            .check(value)
+            .map_err(|range| (format!("it is {value}"), format!("give {expected}, {range}")))?;
     }
-    if property == "opacity" && values.iter().any(|&opacity| opacity < 1.0) && material.alpha_mode == AlphaMode::Opaque {
+    if property == "opacity"
+        && values.iter().any(|&opacity| opacity < 1.0)
+        && material.alpha_mode == AlphaMode::Opaque
+    {
         material.alpha_mode = AlphaMode::Blend;
     }
     let slot = factor(material, property);
@@ -363,7 +392,9 @@ fn set_mesh(mesh: &mut Mesh, property: &str, value: Value) -> std::result::Resul
             return Ok(());
         }
         Value::Numbers { shape, values } if property != "faces" => (shape, values),
-        _ => return Err(("it is no array of numbers".into(), format!("give an array of shape (n, {width})"))),
+        _ => {
+            return Err(("it is no array of numbers".into(), format!("give an array of shape (n, {width})")));
+        }
     };
     if shape.len() != 2 || shape[1] != width || shape[0] * width != values.len() {
         return Err(shape_fault(&shape, &format!("an array of shape (n, {width})")));
@@ -388,8 +419,13 @@ fn of_camera(camera: &Camera, property: &str) -> Option<Value> {
         "position" => camera.position.into(),
         "forward" => camera.forward.into(),
         "up" => camera.up.into(),
-        // In double precision, the rounding of the tangent would show.
-        "vertical_fov" => ((2.0 * f64::from(camera.tan_half_fov).atan()).to_degrees() as f32).into(),
+        "vertical_fov" => {
+            let exact = (2.0 * f64::from(camera.tan_half_fov).atan()).to_degrees();
+            // The rounding of the tangent does not show where a shorter number has the same tangent.
+            let short = f64::from(exact as f32);
+            let is_same = tan_half(short.to_radians()) == Some(camera.tan_half_fov);
+            (if is_same { short } else { exact }).into()
+        }
         "aperture_radius" => camera.lens.radius.into(),
         // A pinhole has no plane in focus.
         _ if camera.lens.radius == 0.0 => return None,
@@ -401,6 +437,7 @@ fn set_camera(camera: &mut Camera, property: &str, value: Value) -> std::result:
     if of_camera(camera, property).as_ref() == Some(&value) {
         return Ok(());
     }
+    let degrees = if let Value::Number(number) = value { number } else { 0.0 };
     let is_vector = ["position", "forward", "up"].contains(&property);
     let expected = if is_vector { "three numbers" } else { "a number" };
     let values = numbers(value, expected)?;
@@ -415,7 +452,7 @@ fn set_camera(camera: &mut Camera, property: &str, value: Value) -> std::result:
     let out_of = |range: &str| Err((format!("it is {number}"), format!("give a number {range}")));
     match property {
         "position" => camera.position = vector,
-        "vertical_fov" => match tan_half(f64::from(number).to_radians()) {
+        "vertical_fov" => match tan_half(degrees.to_radians()) {
             Some(tangent) => camera.tan_half_fov = tangent,
             None => return out_of("between 0 and 180 degrees"),
         },

@@ -13,9 +13,9 @@ use super::pose::{Influences, Pose, Skins, Transform};
 use super::vertices::{Corners, Vertex, Vertices};
 use super::{Document, extensions, object_name, pose};
 use crate::error::{Error, Result};
-use crate::scene::{Mesh, Watcher};
 use crate::scene::place::Place;
 use crate::scene::triangle::{MAX_COORDINATE, MAX_TRIANGLES, Triangle};
+use crate::scene::{Mesh, Watcher};
 
 const NO_AREA: &str = "points or lines, which have no area";
 
@@ -258,14 +258,28 @@ impl Placer<'_> {
     /// The mesh in the coordinates of `place`.
     fn mesh(&self, corners: &Corners<'_>, place: &mut Place) -> Result<Mesh> {
         let count = self.vertices.count;
+        // An accessor without data can have any number of vertices.
+        if count > 3 * MAX_TRIANGLES {
+            let fault = format!("{} has {count} vertices", self.what);
+            return Err(self.document.fault(fault).help("drop the vertices that no triangle has"));
+        }
         let mut mesh = Mesh { material: self.material, ..Mesh::default() };
         mesh.vertices = with_room(self.document, count, "vertices")?;
         let (has_normals, has_set, has_colors) = self.vertices.has();
-        let mut mirrors = false;
+        let indices = (0..corners.triangles).map(|index| corners.vertices(index));
+        let faces: Option<Vec<[u32; 3]>> = indices.collect();
+        let faces = faces.ok_or_else(|| cut_short(self.document, self.what))?;
+        let mut is_used = vec![false; count];
+        // The triangles have been made from these indices, so none is out of range.
+        faces.iter().flatten().for_each(|&vertex| is_used[vertex as usize] = true);
+        let mut mirrored = vec![false; count];
         for index in 0..count {
-            // The file has fewer vertices than 2³².
-            let (vertex, mirrored) = self.vertex(index as u32, place)?;
-            mirrors = mirrored;
+            // There are fewer vertices than 2³². A vertex that no triangle has may be anywhere.
+            let (vertex, mirrors) = match self.vertex(index as u32, place) {
+                Err(_) if !is_used[index] => (Vertex::default(), false),
+                found => found?,
+            };
+            mirrored[index] = mirrors;
             mesh.vertices.push(vertex.position);
             mesh.normals.extend(has_normals.then_some(vertex.normal));
             mesh.colors.extend(has_colors.then_some(vertex.color));
@@ -273,10 +287,8 @@ impl Placer<'_> {
                 mesh.texcoords[set].push(vertex.texcoords[set]);
             }
         }
-        for index in 0..corners.triangles {
-            let [a, b, c] = corners.vertices(index).ok_or_else(|| cut_short(self.document, self.what))?;
-            mesh.faces.push(if mirrors { [a, c, b] } else { [a, b, c] });
-        }
+        let face = |[a, b, c]: [u32; 3]| if mirrored[c as usize] { [a, c, b] } else { [a, b, c] };
+        mesh.faces = faces.into_iter().map(face).collect();
         Ok(mesh)
     }
 

@@ -90,13 +90,8 @@ fn convert(
     let cameras = cameras::complete(&mut document, &placed, options, camera_file.unwrap_or_default())?;
     let mut materials = materials::Materials::default();
     let mut place = Place::of(cameras.camera.as_ref().map(|camera| camera.position));
-    let surfaces = geometry::assemble(
-        &mut document,
-        &placed,
-        &mut materials,
-        (options.watcher, records),
-        &mut place,
-    )?;
+    let surfaces =
+        geometry::assemble(&mut document, &placed, &mut materials, (options.watcher, records), &mut place)?;
     let (triangles, meshes, (regions, regions_are_labels)) =
         nodes::name_regions(&mut document, &placed, surfaces)?;
     let around = |camera: &Option<Posed>| camera.clone().map(|camera| camera.around(place.origin));

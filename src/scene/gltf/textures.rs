@@ -51,8 +51,7 @@ impl TextureUse {
 
     /// A reference to a normal texture. `None` if its `KHR_texture_transform` is malformed.
     pub(super) fn of_normal(info: &json::material::NormalTexture) -> Option<Self> {
-        let extension =
-            info.extensions.as_ref().and_then(|extensions| extensions.others.get(TRANSFORM));
+        let extension = info.extensions.as_ref().and_then(|extensions| extensions.others.get(TRANSFORM));
         let transform = match extension {
             Some(value) => serde_json::from_value(value.clone()).ok()?,
             None => TextureTransform::default(),

@@ -17,7 +17,7 @@ const COORDINATES: [ComponentType; 5] =
 
 const COLORS: [ComponentType; 3] = [ComponentType::F32, ComponentType::U8, ComponentType::U16];
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(super) struct Vertex {
     pub position: Vec3,
     /// The normal from the file. It is zero if the file states none.

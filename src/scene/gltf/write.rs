@@ -13,9 +13,7 @@ use super::{assemble_chunks, textures};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::scene::camera::tan_half;
-use crate::scene::{
-    AlphaMode, Camera, EditableScene, Lens, Material, Mesh, Texture, TextureRef, Wrap,
-};
+use crate::scene::{AlphaMode, Camera, EditableScene, Lens, Material, Mesh, Texture, TextureRef, Wrap};
 
 const FLOAT: u32 = 5126;
 const UNSIGNED_SHORT: u32 = 5123;
@@ -23,18 +21,33 @@ const UNSIGNED_INT: u32 = 5125;
 
 /// The bytes of the `.glb` file, which are the same on every machine. The scene has been checked.
 pub(in crate::scene) fn write(scene: &EditableScene) -> Result<Vec<u8>> {
-    let pictures = scene.textures.iter().map(png).collect::<Result<Vec<_>>>()?;
-    let file = file(scene, &pictures);
+    // As the loader lists them, textures are in the order of their first use.
+    let (mut materials, mut textures) = (scene.materials.clone(), Vec::new());
+    for (_, slot) in materials.iter_mut().flat_map(Material::texture_slots) {
+        let Some(TextureRef { texture, .. }) = slot else { continue };
+        let place = textures.iter().position(|of| of == texture);
+        if place.is_none() {
+            textures.push(*texture);
+        }
+        // The number of textures is far below 2³².
+        *texture = place.unwrap_or(textures.len() - 1) as u32;
+    }
+    let textures: Vec<&Texture> =
+        textures.iter().filter_map(|&texture| scene.textures.get(texture as usize)).collect();
+    let pictures = textures.iter().map(|texture| png(texture)).collect::<Result<Vec<_>>>()?;
+    let file = file(scene, &materials, (&textures, &pictures));
     if u32::try_from(file.len()).is_err() {
         let fault = format!("its file would have {} bytes", file.len());
-        return Err(Error::option("scene", fault).help("a .glb file has less than 4 GiB: simplify the meshes"));
+        return Err(
+            Error::option("scene", fault).help("a .glb file has less than 4 GiB: simplify the meshes")
+        );
     }
     Ok(file)
 }
 
 /// As [`write`], for a small scene whose materials have no textures.
 pub(in crate::scene) fn write_without_pictures(scene: &EditableScene) -> Vec<u8> {
-    file(scene, &[])
+    file(scene, &scene.materials, (&[], &[]))
 }
 
 fn png(texture: &Texture) -> Result<Vec<u8>> {
@@ -52,7 +65,11 @@ fn png(texture: &Texture) -> Result<Vec<u8>> {
     Ok(file)
 }
 
-fn file(scene: &EditableScene, pictures: &[Vec<u8>]) -> Vec<u8> {
+fn file(
+    scene: &EditableScene,
+    materials: &[Material],
+    (textures, pictures): (&[&Texture], &[Vec<u8>]),
+) -> Vec<u8> {
     let mut binary = Binary::default();
     let (mut nodes, mut meshes) = (Vec::new(), Vec::new());
     // The meshes of one region are the primitives of one node, unless regions are labels, which several nodes may share.
@@ -71,9 +88,11 @@ fn file(scene: &EditableScene, pictures: &[Vec<u8>]) -> Vec<u8> {
     }
     let projector = scene.projector.as_ref().map(|camera| (camera, Some(scene.projector_resolution)));
     let endpoints: Vec<_> = scene.camera.iter().map(|camera| (camera, None)).chain(projector).collect();
-    nodes.extend(endpoints.iter().enumerate().map(|(index, (camera, role))| camera_node(camera, index, *role)));
+    nodes.extend(
+        endpoints.iter().enumerate().map(|(index, (camera, role))| camera_node(camera, index, *role)),
+    );
     let mut used = Vec::from(["KHR_materials_specular"]);
-    let materials: Vec<Value> = scene.materials.iter().map(|of| material(of, &mut used)).collect();
+    let materials: Vec<Value> = materials.iter().map(|of| material(of, &mut used)).collect();
     let images: Vec<Value> = pictures.iter().map(|png| binary.image(png)).collect();
     let mut document = json!({
         "asset": { "version": "2.0", "generator": "krylux" },
@@ -88,10 +107,11 @@ fn file(scene: &EditableScene, pictures: &[Vec<u8>]) -> Vec<u8> {
         "extensionsUsed": used,
     });
     if !endpoints.is_empty() {
-        document["cameras"] = endpoints.iter().map(|(camera, role)| perspective(camera, role.is_some())).collect();
+        document["cameras"] =
+            endpoints.iter().map(|(camera, role)| perspective(camera, role.is_some())).collect();
     }
     if !images.is_empty() {
-        document["samplers"] = scene.textures.iter().map(sampler).collect();
+        document["samplers"] = textures.iter().map(|texture| sampler(texture)).collect();
         document["textures"] =
             (0..images.len()).map(|index| json!({ "source": index, "sampler": index })).collect();
         document["images"] = json!(images);
@@ -127,8 +147,7 @@ impl Binary {
         }
         if !mesh.colors.is_empty() {
             let bytes = mesh.colors.as_flattened().iter().flat_map(|channel| channel.to_le_bytes());
-            let accessor =
-                json!({ "componentType": UNSIGNED_SHORT, "normalized": true, "type": "VEC4", "count": count });
+            let accessor = json!({ "componentType": UNSIGNED_SHORT, "normalized": true, "type": "VEC4", "count": count });
             attributes["COLOR_0"] = json!(self.accessor(bytes, accessor));
         }
         json!({ "attributes": attributes, "indices": indices, "material": mesh.material })
@@ -195,20 +214,22 @@ fn material(of: &Material, used: &mut Vec<&'static str>) -> Value {
     let is_bright = strength > 1.0;
     extend("KHR_materials_emissive_strength", is_bright, json!({ "emissiveStrength": strength }));
     let volume = of.volume.map(|volume| {
-        let mut value = json!({ "thicknessFactor": 1.0, "attenuationColor": volume.attenuation_color.to_array() });
+        let mut value =
+            json!({ "thicknessFactor": 1.0, "attenuationColor": volume.attenuation_color.to_array() });
         if volume.attenuation_distance.is_finite() {
             value["attenuationDistance"] = json!(volume.attenuation_distance);
         }
         value
     });
     extend("KHR_materials_volume", volume.is_some(), json!(volume));
-    let mut textured = |name: &'static str, is_used: bool, mut value: Value, textures: &[(&str, &Option<TextureRef>)]| {
-        if is_used || textures.iter().any(|(_, texture)| texture.is_some()) {
-            textures.iter().for_each(|(key, texture)| put(&mut value, key, texture, used));
-            extensions.insert(name.into(), value);
-            note(used, name);
-        }
-    };
+    let mut textured =
+        |name: &'static str, is_used: bool, mut value: Value, textures: &[(&str, &Option<TextureRef>)]| {
+            if is_used || textures.iter().any(|(_, texture)| texture.is_some()) {
+                textures.iter().for_each(|(key, texture)| put(&mut value, key, texture, used));
+                extensions.insert(name.into(), value);
+                note(used, name);
+            }
+        };
     let transmission = json!({ "transmissionFactor": of.transmission });
     let textures = [("transmissionTexture", &of.transmission_texture)];
     textured("KHR_materials_transmission", of.transmission != 0.0, transmission, &textures);
