@@ -92,7 +92,7 @@ class Scene:
             vertices: ``[n, 3]``.
             faces: ``[m, 3]`` indices of vertices, counter-clockwise as seen from the front.
             uv: Texture coordinates ``[n, 2]``; ``v`` points downwards, as in pictures.
-            normals: Shading normals ``[n, 3]``. Default: those of the triangles.
+            normals: Shading normals ``[n, 3]``, which are scaled to length 1. Default: those of the triangles.
             material: The name of a material in the scene. Default: a new one, two-sided and matte, of albedo 0.8.
             **factors: The new material's factors: ``albedo``, ``opacity``, ``metallic``, ``roughness``, ``specular``,
                 ``specular_color``, ``ior``, ``emission``, ``transmission``, ``diffuse_transmission``,

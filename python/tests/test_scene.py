@@ -202,7 +202,7 @@ def test_parameters_are_a_mapping_that_can_be_set():
     scene.params["wall.albedo"] = 0.25
     # Without bounces between surfaces, the light is proportional to the albedo, and a half is exact.
     assert np.array_equal(2 * light(scene)[:2], before[:2])
-    scene.params |= {"camera.position": [0, 0, 1], "camera.vertical_fov": 30}
+    scene.params.update({"camera.position": [0, 0, 1], "camera.vertical_fov": 30})
     assert scene.params["camera.vertical_fov"] == 30 and not np.array_equal(light(scene), before)
     scene.params["camera.forward"] = [0, 1, 0]
     scene.params["camera.up"] = [0, 0, 1]
@@ -299,10 +299,10 @@ def test_a_run_keeps_the_scene(tmp_path):
     scene.add_mesh("sheet", CORNERS * 0.4, FACES)
     with krylux.open(scene, folder=tmp_path / "run", **SMALL) as lab:
         found = lab.segment(groups=[2], photos=4, eigenvectors=2)
-        check = found.check()
+        checked = lab.eigs(1, photos=6).check()
         found.save()
         white = lab.white
-    assert check is not None
+    assert checked is not None
     kept = tmp_path / "run" / "scene.glb"
     assert np.array_equal(light(kept)[0], white)
     record = json.loads((tmp_path / "run" / "run.json").read_text())

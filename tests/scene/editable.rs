@@ -34,7 +34,8 @@ fn an_obj_file_can_be_changed_and_saved() {
 fn mesh(name: &'static str) -> impl Strategy<Value = Mesh> {
     let corner = || (-2.0_f32..2.0, -2.0_f32..2.0, -6.0_f32..-2.0).prop_map(Vec3::from);
     let number = || prop_oneof![Just(0.0_f32), Just(1.0), -3.0_f32..3.0];
-    let normal = (number(), number(), number()).prop_map(Vec3::from);
+    let normal = (number(), number(), number())
+        .prop_map(|normal| Vec3::from(normal).as_dvec3().normalize_or_zero().as_vec3());
     let vertex = (corner(), normal, (number(), number()).prop_map(Vec2::from), any::<[u16; 4]>());
     (prop::collection::vec(vertex, 3..9), any::<[bool; 3]>(), prop::collection::vec(any::<[u8; 3]>(), 1..9))
         .prop_map(move |(vertices, [normals, uv, colors], faces)| {

@@ -19,7 +19,7 @@ pub struct Mesh {
     pub vertices: Vec<Vec3>,
     /// The vertices of each triangle, counter-clockwise as seen from its front.
     pub faces: Vec<[u32; 3]>,
-    /// A shading normal for each vertex, of any length; empty for flat triangles.
+    /// A unit shading normal for each vertex; empty for flat triangles.
     pub normals: Vec<Vec3>,
     /// Two sets of texture coordinates for each vertex, each of which may be empty. `v` points downwards, as pictures are stored.
     pub texcoords: [Vec<Vec2>; 2],

@@ -6,6 +6,7 @@ use super::{EditableScene, Mesh};
 use crate::error::{Error, Result};
 use crate::scene::camera::{axes, tan_half};
 use crate::scene::source::MAX_SIDE;
+use crate::scene::triangle::unit;
 use crate::scene::{AlphaMode, Camera, Material, Texture, TextureRef, Volume, Wrap};
 
 /// The value of a parameter.
@@ -404,10 +405,11 @@ fn set_mesh(mesh: &mut Mesh, property: &str, value: Value) -> std::result::Resul
         return Err((what, "give finite numbers".into()));
     }
     let pairs = || values.as_chunks::<2>().0.iter().map(|&pair| Vec2::from_array(pair)).collect();
-    let points = || values.as_chunks::<3>().0.iter().map(|&point| Vec3::from_array(point)).collect();
+    let points =
+        || -> Vec<Vec3> { values.as_chunks::<3>().0.iter().map(|&point| Vec3::from_array(point)).collect() };
     match property {
         "vertices" => mesh.vertices = points(),
-        "normals" => mesh.normals = points(),
+        "normals" => mesh.normals = points().into_iter().map(|normal| unit(normal.as_dvec3())).collect(),
         "uv" => mesh.texcoords[0] = pairs(),
         _ => mesh.texcoords[1] = pairs(),
     }

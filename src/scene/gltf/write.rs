@@ -13,6 +13,7 @@ use super::{assemble_chunks, textures};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::scene::camera::tan_half;
+use crate::scene::triangle::unit;
 use crate::scene::{AlphaMode, Camera, EditableScene, Lens, Material, Mesh, Texture, TextureRef, Wrap};
 
 const FLOAT: u32 = 5126;
@@ -139,7 +140,8 @@ impl Binary {
         let mut attributes = json!({ "POSITION": position });
         let indices = self.indices(mesh);
         if !mesh.normals.is_empty() {
-            attributes["NORMAL"] = json!(self.floats(bytemuck::cast_slice(&mesh.normals), "VEC3", count));
+            let normals: Vec<Vec3> = mesh.normals.iter().map(|normal| unit(normal.as_dvec3())).collect();
+            attributes["NORMAL"] = json!(self.floats(bytemuck::cast_slice(&normals), "VEC3", count));
         }
         for (set, texcoords) in mesh.texcoords.iter().enumerate().filter(|(_, of)| !of.is_empty()) {
             let accessor = self.floats(bytemuck::cast_slice(texcoords), "VEC2", count);
