@@ -21,6 +21,7 @@
 
 mod mesh;
 mod parameters;
+mod pose;
 
 use std::collections::HashSet;
 use std::path::Path;

@@ -1,13 +1,13 @@
 //! The parameters of an editable scene, each with a path such as `sheet.albedo`, `sheet.vertices` or `camera.position`.
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 
+use super::pose::{PARAMETERS, of_camera, set_camera};
 use super::{EditableScene, Mesh};
 use crate::error::{Error, Result};
-use crate::scene::camera::{axes, tan_half};
 use crate::scene::source::MAX_SIDE;
 use crate::scene::triangle::unit;
-use crate::scene::{AlphaMode, Camera, Material, Texture, TextureRef, Volume, Wrap};
+use crate::scene::{AlphaMode, Material, Texture, TextureRef, Volume, Wrap};
 
 /// The value of a parameter.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,7 +101,6 @@ const FACTORS: [(&str, Range); 14] = [
 ];
 
 const DOUBLE_SIDED: &str = "double_sided";
-const CAMERA: [&str; 6] = ["position", "forward", "up", "vertical_fov", "aperture_radius", "focus_distance"];
 const GEOMETRY: [&str; 5] = ["vertices", "faces", "normals", "uv", "uv_2"];
 
 /// The numbers of a factor: one, or three of a colour. A material without a volume gets one where a factor of it is asked for.
@@ -161,7 +160,7 @@ impl EditableScene {
         let materials = self.materials.iter().map(|of| (of.name.as_str(), properties(of)));
         let cameras = [("camera", &self.camera), ("projector", &self.projector)];
         let cameras = cameras.into_iter().filter(|(_, camera)| camera.is_some());
-        let cameras = cameras.map(|(name, _)| (name, CAMERA.map(str::to_owned).to_vec()));
+        let cameras = cameras.map(|(name, _)| (name, PARAMETERS.map(str::to_owned).to_vec()));
         meshes
             .chain(materials)
             .chain(cameras)
@@ -225,8 +224,8 @@ impl EditableScene {
         };
         let is_factor = FACTORS.iter().any(|(factor, _)| *factor == property);
         let object = match property {
-            _ if name == "camera" && CAMERA.contains(&property) => Some(Object::Camera),
-            _ if name == "projector" && CAMERA.contains(&property) => Some(Object::Projector),
+            _ if name == "camera" && PARAMETERS.contains(&property) => Some(Object::Camera),
+            _ if name == "projector" && PARAMETERS.contains(&property) => Some(Object::Projector),
             _ if GEOMETRY.contains(&property) => mesh(),
             _ if is_factor || property == DOUBLE_SIDED || is_texture(property) => material(),
             _ => None,
@@ -312,7 +311,7 @@ impl EditableScene {
 }
 
 /// What is wrong with a value, and what to do.
-type Fault = (String, String);
+pub(super) type Fault = (String, String);
 
 fn properties(material: &Material) -> Vec<String> {
     let factors = FACTORS.iter().map(|(name, _)| (*name).to_owned());
@@ -320,12 +319,12 @@ fn properties(material: &Material) -> Vec<String> {
     factors.chain([DOUBLE_SIDED.to_owned()]).chain(textures).collect()
 }
 
-fn shape_fault(shape: &[usize], expected: &str) -> Fault {
+pub(super) fn shape_fault(shape: &[usize], expected: &str) -> Fault {
     (format!("its shape is {shape:?}"), format!("give {expected}"))
 }
 
 /// One number, or three.
-fn numbers(value: Value, expected: &str) -> std::result::Result<Vec<f32>, Fault> {
+pub(super) fn numbers(value: Value, expected: &str) -> std::result::Result<Vec<f32>, Fault> {
     match value {
         Value::Number(number) => Ok(vec![number as f32]),
         Value::Numbers { shape, values } if shape == [values.len()] => Ok(values),
@@ -412,70 +411,6 @@ fn set_mesh(mesh: &mut Mesh, property: &str, value: Value) -> std::result::Resul
         "normals" => mesh.normals = points().into_iter().map(|normal| unit(normal.as_dvec3())).collect(),
         "uv" => mesh.texcoords[0] = pairs(),
         _ => mesh.texcoords[1] = pairs(),
-    }
-    Ok(())
-}
-
-fn of_camera(camera: &Camera, property: &str) -> Option<Value> {
-    Some(match property {
-        "position" => camera.position.into(),
-        "forward" => camera.forward.into(),
-        "up" => camera.up.into(),
-        "vertical_fov" => {
-            let exact = (2.0 * f64::from(camera.tan_half_fov).atan()).to_degrees();
-            // The rounding of the tangent does not show where a shorter number has the same tangent.
-            let short = f64::from(exact as f32);
-            let is_same = tan_half(short.to_radians()) == Some(camera.tan_half_fov);
-            (if is_same { short } else { exact }).into()
-        }
-        "aperture_radius" => camera.lens.radius.into(),
-        // A pinhole has no plane in focus.
-        _ if camera.lens.radius == 0.0 => return None,
-        _ => camera.lens.focus.into(),
-    })
-}
-
-fn set_camera(camera: &mut Camera, property: &str, value: Value) -> std::result::Result<(), Fault> {
-    if of_camera(camera, property).as_ref() == Some(&value) {
-        return Ok(());
-    }
-    let degrees = if let Value::Number(number) = value { number } else { 0.0 };
-    let is_vector = ["position", "forward", "up"].contains(&property);
-    let expected = if is_vector { "three numbers" } else { "a number" };
-    let values = numbers(value, expected)?;
-    if let Some(wrong) = values.iter().find(|value| !value.is_finite()) {
-        return Err((format!("it is {wrong}"), format!("give {expected}, finite")));
-    }
-    let (vector, number) = match values[..] {
-        [x, y, z] if is_vector => (Vec3::new(x, y, z), 0.0),
-        [number] if !is_vector => (Vec3::ZERO, number),
-        _ => return Err(shape_fault(&[values.len()], expected)),
-    };
-    let out_of = |range: &str| Err((format!("it is {number}"), format!("give a number {range}")));
-    match property {
-        "position" => camera.position = vector,
-        "vertical_fov" => match tan_half(degrees.to_radians()) {
-            Some(tangent) => camera.tan_half_fov = tangent,
-            None => return out_of("between 0 and 180 degrees"),
-        },
-        "aperture_radius" if number < 0.0 => return out_of("that is not negative"),
-        "aperture_radius" => camera.lens.radius = number,
-        "focus_distance" if number <= 0.0 => return out_of("above 0"),
-        "focus_distance" => camera.lens.focus = number,
-        _ => {
-            let old = camera.forward.as_dvec3();
-            let (forward, up) = match property {
-                "forward" => (vector.as_dvec3(), camera.up.as_dvec3()),
-                _ => (old, vector.as_dvec3()),
-            };
-            // A camera that is turned to its own up keeps a frame, with the old direction as its up.
-            let turned = || axes(forward, old).filter(|_| property == "forward");
-            let Some(axes) = axes(forward, up).or_else(turned) else {
-                let fault = "it is zero, or the directions forward and up are parallel";
-                return Err((fault.into(), "give another direction".into()));
-            };
-            [camera.right, camera.up, camera.forward] = axes.map(|axis: DVec3| axis.as_vec3() + Vec3::ZERO);
-        }
     }
     Ok(())
 }

@@ -194,8 +194,13 @@ impl Binary {
     }
 }
 
-fn material(of: &Material, used: &mut Vec<&'static str>) -> Value {
-    let [red, green, blue] = of.base_color.to_array();
+/// The power of two that divides an emission without rounding, to the factors up to 1 that the format allows.
+fn strength(of: &Material) -> f32 {
+    let exponent = of.emission.max_element().max(1.0).log2().ceil() as i32;
+    2_f32.powi(exponent.min(127))
+}
+
+fn extensions(of: &Material, used: &mut Vec<&'static str>) -> Map<String, Value> {
     let mut extensions = Map::new();
     let mut specular = json!({ "specularFactor": of.specular });
     if of.specular_color != Vec3::ONE {
@@ -211,8 +216,7 @@ fn material(of: &Material, used: &mut Vec<&'static str>) -> Value {
         }
     };
     extend("KHR_materials_ior", of.ior != 1.5, json!({ "ior": of.ior }));
-    // Factors above 1 are beyond the format. A power of two divides them without rounding.
-    let strength = 2_f32.powi(of.emission.max_element().max(1.0).log2().ceil() as i32);
+    let strength = strength(of);
     let is_bright = strength > 1.0;
     extend("KHR_materials_emissive_strength", is_bright, json!({ "emissiveStrength": strength }));
     let volume = of.volume.map(|volume| {
@@ -245,6 +249,11 @@ fn material(of: &Material, used: &mut Vec<&'static str>) -> Value {
         ("diffuseTransmissionColorTexture", &of.diffuse_transmission_color_texture),
     ];
     textured("KHR_materials_diffuse_transmission", is_used, diffuse, &textures);
+    extensions
+}
+
+fn material(of: &Material, used: &mut Vec<&'static str>) -> Value {
+    let [red, green, blue] = of.base_color.to_array();
     let mut surface = json!({
         "baseColorFactor": [red, green, blue, of.opacity],
         "metallicFactor": of.metallic,
@@ -256,7 +265,7 @@ fn material(of: &Material, used: &mut Vec<&'static str>) -> Value {
         "name": of.name,
         "pbrMetallicRoughness": surface,
         "doubleSided": of.double_sided,
-        "extensions": extensions,
+        "extensions": extensions(of, used),
     });
     put(&mut value, "normalTexture", &of.normal_texture, used);
     if of.normal_texture.is_some() {
@@ -264,7 +273,7 @@ fn material(of: &Material, used: &mut Vec<&'static str>) -> Value {
     }
     put(&mut value, "emissiveTexture", &of.emission_texture, used);
     if of.emission != Vec3::ZERO {
-        value["emissiveFactor"] = json!((of.emission / strength).to_array());
+        value["emissiveFactor"] = json!((of.emission / strength(of)).to_array());
     }
     match of.alpha_mode {
         AlphaMode::Opaque => {}
