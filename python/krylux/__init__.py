@@ -25,26 +25,30 @@ from ._krylux import __version__ as __version__
 from .errors import Error as Error
 
 __all__ = [
-    "Error", "Lab", "LabOperator", "__version__", "answers", "compare", "errors", "images", "krylov", "open", "paper",
+    "Error", "Lab", "LabOperator", "Scene", "__version__", "answers", "compare", "errors", "images", "krylov", "open", "paper",
     "reproduce", "rig",
 ]
 
 if TYPE_CHECKING:
-    from . import answers, images, krylov, lab as lab, operator as operator, paper, rig
+    from . import answers, images, krylov, lab as lab, operator as operator, paper, rig, scene as scene
     from .images import compare
     from .lab import Lab, open
     from .operator import LabOperator
     from .paper import reproduce
+    from .scene import Scene
 else:
     #: Where each name is found, when it is first asked for.
-    _PLACES = {"Lab": "lab", "open": "lab", "LabOperator": "operator", "compare": "images", "reproduce": "paper"}
+    _PLACES = {
+        "Lab": "lab", "open": "lab", "LabOperator": "operator", "Scene": "scene", "compare": "images",
+        "reproduce": "paper",
+    }
 
     def __getattr__(name):
         import importlib
 
         if name in _PLACES:
             return getattr(importlib.import_module(f".{_PLACES[name]}", __name__), name)
-        if name in ("answers", "images", "krylov", "lab", "operator", "paper", "rig"):
+        if name in ("answers", "images", "krylov", "lab", "operator", "paper", "rig", "scene"):
             return importlib.import_module(f".{name}", __name__)
         raise AttributeError(f"module 'krylux' has no attribute '{name}'")
 

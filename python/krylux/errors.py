@@ -36,6 +36,13 @@ class OptionError(Error, ValueError):
     """The value of an argument cannot be used; ``option`` is the argument's name."""
 
 
+class ParameterError(OptionError, KeyError):
+    """A scene has no such parameter, or the parameter has no value; ``option`` is its path."""
+
+    # KeyError would show the message in quotes.
+    __str__ = Exception.__str__
+
+
 class ArrayError(OptionError, TypeError):
     """An array has a data type that cannot be used; ``option`` is the argument's name."""
 

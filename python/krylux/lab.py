@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
 import os
 import weakref
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _checks, _declared, _display, _krylux, _progress, answers
 from ._asking import Asking
+from .scene import Scene
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array as _csr_array
@@ -48,7 +50,8 @@ class Lab(Asking):
     seed: int
 
     def __init__(self, source: Any, options: dict[str, Any]) -> None:
-        self._source = source
+        # A laboratory, and each copy of it, has the scene as it is now.
+        self._source = source = copy.copy(source) if isinstance(source, Scene) else source
         self._options = options
         #: The rig files that the source is seen through, and whether its devices were calibrated since.
         self._rigs: tuple[str, ...] = ()
@@ -385,7 +388,7 @@ def _again(source, options, rigs):
 
 
 def open(
-    source: ArrayLike | _checks.FilePath | _ProgramRig | Any, *, size: int | tuple[int, int] | None = None,
+    source: Scene | ArrayLike | _checks.FilePath | _ProgramRig | Any, *, size: int | tuple[int, int] | None = None,
     projector_size: int | tuple[int, int] | None = None, spp: int | None = None, max_bounces: int | None = None,
     seed: int | None = None, sampler: Literal["sobol", "independent"] | None = None, russian_roulette: bool = False,
     channels: Literal["luma", "rgb", "native"] = "luma", camera: str | None = None,
@@ -398,9 +401,9 @@ def open(
     """Opens a scene, a rig, the folder of an earlier run, or a matrix.
 
     Args:
-        source: A scene (``.glb``, ``.gltf``, ``.obj``), a rig file (``.toml``), the folder of an earlier run, a matrix
-            file (``.npz``, ``.npy``, ``.mtx``, ``.mtx.gz``, ``.mat``), a SciPy sparse matrix, a NumPy array (a matrix, or
-            ``[H, W, h, w]``), or devices of Python.
+        source: A :class:`krylux.Scene`, a scene file (``.glb``, ``.gltf``, ``.obj``), a rig file (``.toml``), the folder
+            of an earlier run, a matrix file (``.npz``, ``.npy``, ``.mtx``, ``.mtx.gz``, ``.mat``), a SciPy sparse matrix,
+            a NumPy array (a matrix, or ``[H, W, h, w]``), or devices of Python.
         size: Pixels of camera and projector: the side of a square, or ``(width, height)``. Default 128, or what a rig
             file says. For a matrix that came without it, the size of its photos, whose pixels are rows.
         projector_size: Pixels of a projector that stands apart from the camera, or of the patterns of a matrix.
@@ -449,7 +452,7 @@ def request(source, options):
         asked[option] = _checks.maybe(check, asked[option], option, *bounds)
     cache, progress = asked["cache"], _progress.choose(asked["progress"])
     asked |= {"cached": cache is not False, "cache": None if cache in (None, True, False) else cache}
-    asked |= {"progress": progress, "matrix": None, "rig": None, "devices": None}
+    asked |= {"progress": progress, "matrix": None, "rig": None, "devices": None, "scene": None}
     return asked | _source(source, asked.pop("name"))
 
 
@@ -465,6 +468,8 @@ def _source(source, name):
 
     if isinstance(source, ProgramRig):
         return source._request(name)
+    if isinstance(source, Scene):
+        return {"source": source.name, "scene": source._native}
     if isinstance(source, (str, os.PathLike)):
         path = os.fspath(source)
         if not os.path.exists(path) and not path.endswith((".npz", ".mtx", ".npy", ".mat", ".gz")):

@@ -7,6 +7,7 @@
 //! | `errors` | errors of krylux as exceptions |
 //! | `watch` | progress, messages and signals |
 //! | `settings` | the arguments of `krylux.open` |
+//! | `scene` | scenes that Python makes or changes |
 //! | `lab`, `verbs` | the laboratory, its requests, and answers that can be saved |
 //! | `matrix`, `operator`, `arrays` | matrices, products and pictures as arrays |
 //! | `krylov` | krylux's solvers, applied to operators written in Python |
@@ -22,6 +23,7 @@ mod krylov;
 mod lab;
 mod matrix;
 mod operator;
+mod scene;
 mod settings;
 mod verbs;
 mod watch;
@@ -44,6 +46,8 @@ mod _krylux {
     use crate::matrix::Matrix;
     #[pymodule_export]
     use crate::operator::Operator;
+    #[pymodule_export]
+    use crate::scene::Scene;
     #[pymodule_export]
     use crate::verbs::{Answer, verbs};
 

@@ -14,6 +14,7 @@ use pyo3::conversion::FromPyObjectOwned;
 use pyo3::prelude::*;
 
 use crate::devices::ProgramDevices;
+use crate::scene::Scene;
 use crate::watch::Watcher;
 use crate::{errors, matrix};
 
@@ -26,13 +27,17 @@ impl Request {
     pub(crate) fn builder(self, py: Python<'_>) -> PyResult<LabBuilder> {
         let asked = self.0.bind(py);
         let source: PathBuf = item(asked, "source")?;
+        let scene: Option<Py<Scene>> = item(asked, "scene")?;
         let mut builder = match (item(asked, "matrix")?, item::<Option<String>>(asked, "rig")?) {
             // A matrix or a rig's text is already in memory, so the source is only a name.
             (Some(matrix), _) => {
                 Lab::builder_of_matrix(matrix::csr(py, &matrix)?, source.display().to_string())
             }
             (None, Some(text)) => Lab::builder_of_rig(&source, text),
-            (None, None) => Lab::builder(&source),
+            (None, None) => match scene {
+                Some(scene) => Lab::builder_of_editable(scene.get().now()),
+                None => Lab::builder(&source),
+            },
         };
         builder = builder.settings(settings(asked)?).allow_programs(item(asked, "allow_programs")?);
         if let Some(devices) = item::<Option<ProgramDevices>>(asked, "devices")? {

@@ -1,6 +1,7 @@
 //! The builder that opens a laboratory with settings.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::folder::RunOptions;
 use super::settings::{ChannelChoice, OperatorChoice, Settings};
@@ -10,7 +11,7 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::io::sparse::MatrixFile;
 use crate::rig::DeviceOpener;
-use crate::scene::Scene;
+use crate::scene::{EditableScene, Scene};
 
 /// Settings for a laboratory that is not open yet: see [`Lab::builder`].
 #[derive(Clone)]
@@ -26,6 +27,7 @@ pub struct LabBuilder {
 enum Origin {
     File(PathBuf),
     Scene(Box<Scene>),
+    Editable(Arc<EditableScene>),
     Matrix(Box<MatrixFile>, String),
 }
 
@@ -36,6 +38,10 @@ impl LabBuilder {
 
     pub(super) fn of_scene(scene: Scene) -> Self {
         Self::of(Origin::Scene(Box::new(scene)))
+    }
+
+    pub(super) fn of_editable(scene: Arc<EditableScene>) -> Self {
+        Self::of(Origin::Editable(scene))
     }
 
     pub(super) fn of_matrix(matrix: MatrixFile, name: String) -> Self {
@@ -148,6 +154,9 @@ impl LabBuilder {
             Origin::Scene(scene) => {
                 Source::Scene(SceneSource::in_memory(*scene, &self.settings, &self.observer)?)
             }
+            Origin::Editable(scene) => {
+                Source::Scene(SceneSource::editable(scene, &self.settings, &self.observer)?)
+            }
             Origin::Matrix(matrix, name) => {
                 check_settings(SourceKind::Matrix, Path::new(&name), &self.settings)?;
                 Source::Matrix(MatrixSource::new(*matrix, Path::new(&name), &self.settings)?)
@@ -167,6 +176,7 @@ impl LabBuilder {
                 RigSource::uncalibrated(path, &self.program, &self.settings, &self.observer)
             }
             Origin::Scene(scene) => Err(not_a_rig(&scene.path)),
+            Origin::Editable(scene) => Err(not_a_rig(Path::new(&scene.name))),
             Origin::Matrix(_, name) => Err(not_a_rig(Path::new(name))),
         }
     }

@@ -10,6 +10,9 @@ use crate::observer::Level;
 pub(super) const RECORD: &str = "run.json";
 pub(super) const REPORT: &str = "report.html";
 
+/// The file of a scene that was in memory.
+pub(super) const SCENE: &str = "scene.glb";
+
 /// The folder of the journal, inside the run's folder.
 pub(super) const JOURNAL: &str = "journal";
 /// The folder of a rig's calibration, inside the journal's folder.

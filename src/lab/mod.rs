@@ -82,7 +82,7 @@ use crate::io::sparse::MatrixFile;
 use crate::render::TraceSettings;
 use crate::report::contact_sheet::ContactSheet;
 pub use crate::report::text;
-use crate::scene::Scene;
+use crate::scene::{EditableScene, Scene};
 use crate::transport::Channels;
 use source::{SceneSource, Source};
 use transport::LightTransport;
@@ -129,6 +129,12 @@ impl Lab {
     /// A laboratory around a scene that a program made, for example a loaded scene with another material.
     pub fn builder_of_scene(scene: Scene) -> LabBuilder {
         LabBuilder::of_scene(scene)
+    }
+
+    /// A laboratory around a scene that a program made or changed. A run keeps the scene as `scene.glb` in its folder. What is the same in the
+    /// scene that was opened before is used again: the search tree, the compiled kernels, and matrices in the cache.
+    pub fn builder_of_editable(scene: impl Into<Arc<EditableScene>>) -> LabBuilder {
+        LabBuilder::of_editable(scene.into())
     }
 
     /// A laboratory around a matrix that a program made, with settings. `name` is used in titles.

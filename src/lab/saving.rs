@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use super::folder::{RunFolder, RunOptions};
 use super::lock;
+use super::source::Source;
 use super::{Answer, Lab, Log, Saved};
 use crate::error::{Error, Result};
 use crate::finding::{Finding, merge};
@@ -19,6 +20,9 @@ impl Lab {
     pub fn begin_run(&mut self, verb: &str, options: &RunOptions) -> Result<&mut RunFolder> {
         let name = format!("{}-{verb}", self.name());
         let mut run = RunFolder::create(options, &name, self.source.folder(), &self.observer)?;
+        if let Source::Scene(scene) = &mut self.source {
+            scene.claim_file(&run.path)?;
+        }
         self.source.describe(&mut run.manifest, self.channels);
         self.warn_of_darkness();
         Ok(self.run.insert(run))
@@ -95,7 +99,11 @@ impl Lab {
         merge(&mut run.manifest.findings, run.manifest.verification.as_ref().map(Verification::finding));
         let seconds = run.seconds();
         let start = Instant::now();
-        run.answer(|run| self.show(answer, run, seconds))?;
+        run.answer(|run| {
+            let mut written = self.show(answer, run, seconds)?;
+            written.extend(self.source.keep_scene(&run.answer)?);
+            Ok(written)
+        })?;
         run.manifest.record("files", start.elapsed());
         Ok(Saved {
             report: run.path.join("report.html"),
@@ -112,6 +120,10 @@ impl Lab {
         run.manifest.photos = photos as u64;
         self.record_costs(&mut run, true)?;
         run.manifest.findings = run.manifest.rig.as_ref().map_or(Vec::new(), |rig| rig.findings.clone());
+        // Without an answer, only a scene in memory has a file.
+        if let Some(scene) = self.source.keep_scene(&run.path)? {
+            run.manifest.outputs.push(scene);
+        }
         run.close(Ok(message))
     }
 

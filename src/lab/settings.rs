@@ -35,15 +35,10 @@ pub struct Settings {
 impl Settings {
     /// The option name of the first given setting that affects tracing. A source that traces nothing refuses this setting.
     pub fn first_of_trace(&self) -> Option<&'static str> {
-        let view = [
-            (self.view.camera.is_some(), "--camera"),
-            (self.view.camera_file.is_some(), "--camera-file"),
-            (self.view.auto_camera, "--auto-camera"),
-            (self.view.strict, "--strict"),
-        ];
         let trace = self.trace.given();
         let adapter = self.adapter.is_some().then_some("--adapter");
-        trace.or(adapter).or(view.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name))
+        let placed = self.view.auto_camera.then_some("--auto-camera");
+        trace.or(adapter).or(self.view.first_of_file()).or(placed)
     }
 
     /// As [`Self::first_of_trace`], without the sizes of the pictures. They may be given for a matrix.
@@ -87,6 +82,16 @@ pub struct View {
 }
 
 impl View {
+    /// The option name of the first given option that only reading a file uses.
+    pub(super) fn first_of_file(&self) -> Option<&'static str> {
+        let given = [
+            (self.camera.is_some(), "--camera"),
+            (self.camera_file.is_some(), "--camera-file"),
+            (self.strict, "--strict"),
+        ];
+        given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
+    }
+
     /// The options that load a scene with this view.
     pub(crate) fn options(&self) -> LoadOptions<'_> {
         LoadOptions {

@@ -20,7 +20,13 @@ pub(super) fn load(path: &Path, options: LoadOptions<'_>, observer: &SharedObser
     at(observer, 0.0)?;
     let scene = scene::load_with(path, &options)?;
     at(observer, READING)?;
-    require_memory(&scene, machine::memory())?;
+    check(&scene, observer)?;
+    Ok(scene)
+}
+
+/// Checks the memory that a scene takes, and tells its warnings and its size.
+pub(super) fn check(scene: &Scene, observer: &SharedObserver) -> Result<()> {
+    require_memory(scene, machine::memory())?;
     for warning in &scene.warnings {
         observer.log(Level::Warning, &format!("warning: {}: {warning}", scene.path.display()));
     }
@@ -30,7 +36,7 @@ pub(super) fn load(path: &Path, options: LoadOptions<'_>, observer: &SharedObser
         scene.materials.len(),
         scene.camera.name
     ));
-    Ok(scene)
+    Ok(())
 }
 
 /// The bytes of memory per triangle for a scene and its search tree while they are moved to the device. A measurement with 7.7 million

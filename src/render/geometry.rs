@@ -8,7 +8,6 @@ use super::pairs::{Pair, pair_up};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::buffers::TEXTURE_WIDTH;
-use crate::scene::bvh::Bvh;
 use crate::scene::place::Distances;
 use crate::scene::{AlphaMode, Camera, Material, Scene, Triangle};
 
@@ -40,23 +39,25 @@ impl GpuScene {
         let positions: Vec<[Vec3; 3]> =
             scene.triangles.iter().map(|t| t.positions.map(|p| frame.point(p))).collect();
         let pairs = pair_up(&scene.triangles, &positions);
-        let bvh = Bvh::build(pairs.iter().map(Pair::extent));
+        let boxes: Vec<[Vec3; 2]> = pairs.iter().map(Pair::extent).collect();
+        let bvh = scene.tree.of(&boxes);
         let pairs: Vec<Pair> = bvh.order.iter().map(|&index| pairs[index as usize].clone()).collect();
 
         let (texels, corners) = pack_pairs(scene, &frame, &pairs);
         let (materials, textures) = pack_materials(scene, unit);
         let mut features = features(scene, pairs.len(), !corners.is_empty());
-        let (mut nodes, mut row) = (bvh.nodes, TEXTURE_WIDTH);
-        let spread_out = (8 * nodes.len() / 5).max(texels.len());
+        let spread_out = (8 * bvh.nodes.len() / 5).max(texels.len());
+        let (mut spread_nodes, mut row) = (Vec::new(), TEXTURE_WIDTH);
         if spread_out <= gpu.summary.max_texture_side as usize {
             features.small_tree = true;
-            nodes = spread::<5, 8>(&nodes);
+            spread_nodes = spread::<5, 8>(&bvh.nodes);
             // The value is at most the device's limit, which is a 32-bit number.
             row = spread_out as u32;
         }
+        let nodes = if features.small_tree { &spread_nodes } else { &bvh.nodes };
 
         Ok(Self {
-            nodes: gpu.texel_rows("search tree's nodes", &nodes, row)?,
+            nodes: gpu.texel_rows("search tree's nodes", nodes, row)?,
             pairs: gpu.texel_rows("triangles", &texels, row)?,
             materials: gpu.texel_array("materials", &materials)?,
             corners: gpu.texel_array("normals, texture coordinates and colours", &corners)?,

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::ops::Range;
+use std::sync::Arc;
 use std::time::Instant;
 
 use wgpu::BufferUsages;
@@ -18,7 +19,7 @@ use crate::gpu::Gpu;
 use crate::gpu::buffers::{Readback, Results};
 
 pub(super) struct SizedKernel {
-    pub(super) pipeline: Pipeline,
+    pub(super) pipeline: Arc<Pipeline>,
     pub(super) sizer: DispatchSizer,
 }
 

@@ -260,7 +260,9 @@ pub(super) fn kernel<'a>(
     Ok(match kernels.entry(*features) {
         Entry::Occupied(entry) => entry.into_mut(),
         Entry::Vacant(entry) => {
-            let pipeline = Pipeline::new(gpu, "trace_paths", features)?;
+            // The kernels of a device serve every scene of the process with these features.
+            let name = format!("trace_paths {features:?}");
+            let pipeline = gpu.kept(&name, || Pipeline::new(gpu, "trace_paths", features).map(Arc::new))?;
             entry.insert(SizedKernel { pipeline, sizer: DispatchSizer::default() })
         }
     })

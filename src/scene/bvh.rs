@@ -1,6 +1,8 @@
 //! The acceleration structure for rays: a compressed eight-wide bounding volume hierarchy (CWBVH), and first hits of rays on the CPU.
 
 use std::collections::HashSet;
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::Vec3;
 use obvhs::BvhBuildParams;
@@ -31,6 +33,36 @@ pub struct Bvh {
     pub nodes: Vec<[u32; 4]>,
     /// The index of the box at each leaf position.
     pub order: Vec<u32>,
+}
+
+/// The tree that was last built for a scene that may change. Copies of the scene share it, so that a scene whose materials change builds it
+/// once. The default keeps no tree.
+#[derive(Clone, Default)]
+pub struct KeptTree(Option<Arc<Mutex<Option<(blake3::Hash, Arc<Bvh>)>>>>);
+
+impl KeptTree {
+    /// Keeps the tree that is built next.
+    pub(super) fn keeping() -> Self {
+        Self(Some(Arc::default()))
+    }
+
+    /// The tree over these boxes. It is built unless it is the kept one.
+    pub(crate) fn of(&self, boxes: &[[Vec3; 2]]) -> Arc<Bvh> {
+        let build = || Arc::new(Bvh::build(boxes.iter().copied()));
+        let Some(kept) = &self.0 else { return build() };
+        let key = blake3::hash(bytemuck::cast_slice(boxes));
+        let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*kept {
+            Some((of, tree)) if *of == key => Arc::clone(tree),
+            _ => Arc::clone(&kept.insert((key, build())).1),
+        }
+    }
+}
+
+impl fmt::Debug for KeptTree {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("KeptTree")
+    }
 }
 
 impl Bvh {

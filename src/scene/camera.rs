@@ -76,6 +76,16 @@ pub(super) fn tan_half(field: f64) -> Option<f32> {
     (field > 0.0 && field < std::f64::consts::PI && (1e-6..1e6).contains(&tangent)).then_some(tangent as f32)
 }
 
+/// Right, up and forward of a camera that looks along `forward`, as an orthonormal frame. `None` if a direction is zero, or if both are
+/// parallel.
+pub(super) fn axes(forward: DVec3, up: DVec3) -> Option<[DVec3; 3]> {
+    let forward = forward.try_normalize()?;
+    let right = forward.cross(up.try_normalize()?);
+    // If the axes are closer to parallel than this, rounding determines the result.
+    let right = (right.length() > 1e-6).then(|| right.normalize())?;
+    Some([right, right.cross(forward), forward])
+}
+
 /// A camera with its position in the file's coordinates, in double precision.
 #[derive(Clone)]
 pub(super) struct Posed {

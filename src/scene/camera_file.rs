@@ -25,7 +25,7 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use serde::Deserialize;
 
-use super::camera::{Posed, tan_half};
+use super::camera::{Posed, axes, tan_half};
 use super::triangle::MAX_COORDINATE;
 use super::{Camera, Lens, LoadOptions};
 use crate::error::{Error, Result};
@@ -57,6 +57,7 @@ struct View {
     look_at: Option<[f64; 3]>,
     forward: Option<[f64; 3]>,
     up: Option<[f64; 3]>,
+    #[serde(alias = "vertical_fov")]
     vertical_fov_degrees: f64,
     aperture_radius: Option<f64>,
     focus_distance: Option<f64>,
@@ -95,7 +96,10 @@ fn read(path: &Path) -> Result<Cameras> {
         )
     })?;
     let view = |table, view: Option<View>| match view {
-        Some(view) => view.posed(path, table).map(|(camera, resolution)| (Some(camera), resolution)),
+        Some(view) => {
+            let fault = |what: String| Error::scene(path, format!("[{table}] {what}"));
+            view.posed(fault, table).map(|(camera, resolution)| (Some(camera), resolution))
+        }
         None => Ok((None, None)),
     };
     let (camera, resolution) = view("camera", tables.camera)?;
@@ -108,11 +112,23 @@ fn read(path: &Path) -> Result<Cameras> {
     Ok(Cameras { bytes, camera, projector, projector_resolution })
 }
 
+/// The camera or the projector that a JSON object with the keys of a table describes, and its resolution if stated.
+pub(super) fn from_json(role: &str, json: &str) -> Result<(Camera, Option<Resolution>)> {
+    let view: View = serde_json::from_str(json).map_err(|error| {
+        Error::option(role, format!("it is no pose: {error}"))
+            .help("give position, look_at (or forward), up, vertical_fov in degrees, aperture_radius and focus_distance")
+    })?;
+    if role == "camera" && view.resolution.is_some() {
+        return Err(Error::option(role, "it has a resolution").help("give the camera's resolution by --size"));
+    }
+    let (posed, resolution) = view.posed(|what| Error::option(role, format!("it {what}")), role)?;
+    Ok((posed.around(DVec3::ZERO), resolution))
+}
+
 impl View {
-    /// The camera that a table describes, and its resolution if stated. Errors name the file and the table.
-    fn posed(self, path: &Path, table: &str) -> Result<(Posed, Option<Resolution>)> {
-        let fault = |what: String| Error::scene(path, format!("[{table}] {what}"));
-        let [right, up, forward] = self.axes(fault)?;
+    /// The camera that a table describes, and its resolution if stated.
+    fn posed(self, fault: impl Fn(String) -> Error, table: &str) -> Result<(Posed, Option<Resolution>)> {
+        let [right, up, forward] = self.axes(&fault)?;
         let position = DVec3::from_array(self.position);
         if position.abs().max_element() > f64::from(MAX_COORDINATE) || !position.is_finite() {
             let what = format!("stands more than {MAX_COORDINATE:e} m from the origin");
@@ -151,16 +167,11 @@ impl View {
             }
         };
         let up = self.up.map_or(DVec3::Y, DVec3::from_array);
-        let axes = forward.try_normalize().and_then(|forward| {
-            let right = forward.cross(up.try_normalize()?);
-            // If the axes are closer to parallel than this, rounding determines the result.
-            (right.length() > 1e-6).then(|| (right.normalize(), forward))
-        });
-        let Some((right, forward)) = axes else {
+        let Some(axes) = axes(forward, up) else {
             return Err(fault("has no direction of view, or one that is parallel to up".into())
                 .help("give a direction that is not zero, and an up that is not parallel to it"));
         };
         // Adding zero converts −0 to 0.
-        Ok([right, right.cross(forward), forward].map(|axis| axis.as_vec3() + Vec3::ZERO))
+        Ok(axes.map(|axis| axis.as_vec3() + Vec3::ZERO))
     }
 }

@@ -109,6 +109,11 @@ impl Material {
         self.metallic_roughness_texture.is_some() || self.roughness * self.roughness < alpha
     }
 
+    /// Whether a texture reads the first and the second set of texture coordinates.
+    pub(super) fn texture_sets(&self) -> [bool; 2] {
+        [0, 1].map(|set| self.textures().any(|(_, texture)| texture.set == set))
+    }
+
     /// Drops the textures for which `is_kept` is false. If the emission's texture is dropped, the emission becomes black.
     pub(super) fn retain_textures(&mut self, is_kept: impl Fn(&TextureRef) -> bool) {
         let is_lit = self.emission_texture.as_ref().is_none_or(&is_kept);

@@ -4,6 +4,7 @@ pub mod builtin;
 pub mod bvh;
 pub mod camera;
 mod camera_file;
+mod editable;
 mod gltf;
 pub mod material;
 mod obj;
@@ -23,6 +24,7 @@ use crate::image::Resolution;
 
 pub use bvh::{SurfacePoint, first_hits};
 pub use camera::{Camera, Lens};
+pub use editable::{EditableScene, Mesh, Value};
 pub use material::{AlphaMode, Material, Texture, TextureRef, Volume, Wrap};
 pub use triangle::Triangle;
 pub use view::predicted_direct;
@@ -75,6 +77,11 @@ pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     Ok(scene)
 }
 
+/// The hash that a scene loaded from these bytes of a `.glb` file has ([`Scene::hash`]).
+pub(crate) fn hash_of_glb(bytes: &[u8]) -> Result<[u8; 32]> {
+    gltf::read("scene", bytes).map(|(scene, _)| scene.hash)
+}
+
 /// A scene that is ready to be traced.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Scene {
@@ -103,9 +110,35 @@ pub struct Scene {
     pub hash: [u8; 32],
     /// One sentence for each part of the files that is ignored.
     pub warnings: Vec<String>,
+    /// The search tree that was last built for the scene or for a copy of it.
+    #[serde(skip)]
+    pub tree: bvh::KeptTree,
 }
 
 impl Scene {
+    /// A BLAKE3 hash of everything that is traced.
+    pub(crate) fn content_hash(&self) -> [u8; 32] {
+        let mut hasher = blake3::Hasher::new();
+        let Self { camera, projector, projector_resolution, materials, regions, .. } = self;
+        // Rust prints floats with the fewest digits that are read back as the same number. Different values therefore have different texts.
+        hasher.update(
+            format!("{camera:?} {projector:?} {projector_resolution:?} {materials:?} {regions:?}").as_bytes(),
+        );
+        for triangle in &self.triangles {
+            hasher.update(bytemuck::bytes_of(&triangle.positions));
+            hasher.update(bytemuck::bytes_of(&triangle.normals));
+            hasher.update(bytemuck::bytes_of(&triangle.texcoords));
+            hasher.update(bytemuck::bytes_of(&triangle.colors));
+            hasher.update(&triangle.material.to_le_bytes());
+            hasher.update(&triangle.region.to_le_bytes());
+        }
+        for Texture { width, height, texels, wrap, linear, .. } in &self.textures {
+            hasher.update(format!("{width} {height} {wrap:?} {linear}").as_bytes());
+            hasher.update(texels.as_flattened());
+        }
+        *hasher.finalize().as_bytes()
+    }
+
     /// The least and the greatest coordinates of all surfaces.
     pub fn bounds(&self) -> [Vec3; 2] {
         let corners = || self.triangles.iter().flat_map(|triangle| triangle.positions);

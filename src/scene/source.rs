@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use super::bvh::KeptTree;
 use super::camera::Posed;
 use super::camera_file::Cameras;
 use super::place::Place;
@@ -29,9 +30,14 @@ impl SceneFile {
     /// Reads the file at `path`. Also returns its bytes.
     pub(super) fn read(path: &Path, strict: bool) -> Result<(Self, Vec<u8>)> {
         let bytes = file::read(path).and_then(|bytes| not_a_pointer(path, bytes))?;
+        Ok((Self::of(path, strict, &bytes), bytes))
+    }
+
+    /// A scene file whose bytes have been read.
+    pub(super) fn of(path: &Path, strict: bool, bytes: &[u8]) -> Self {
         let (mut hash, warnings, warned, pictures): (ContentHash, _, _, _) = Default::default();
-        hash.add(&bytes);
-        Ok((Self { path: path.to_path_buf(), strict, hash, warnings, warned, pictures }, bytes))
+        hash.add(bytes);
+        Self { path: path.to_path_buf(), strict, hash, warnings, warned, pictures }
     }
 
     pub(super) fn fault(&self, fault: impl Into<String>) -> Error {
@@ -132,6 +138,7 @@ impl SceneFile {
             regions_are_labels,
             hash: self.hash.finish(),
             warnings: self.warnings,
+            tree: KeptTree::default(),
         }
     }
 }
@@ -199,7 +206,7 @@ impl ContentHash {
 }
 
 /// The largest width and height of a picture in pixels.
-const MAX_SIDE: u32 = 16384;
+pub(super) const MAX_SIDE: u32 = 16384;
 
 /// The largest number of texels of all pictures together, because a few kilobytes of PNG can encode any number of pixels.
 const MAX_TEXELS: u64 = 1 << 27;

@@ -3,7 +3,7 @@
 use std::collections::hash_map::DefaultHasher;
 use std::hash::{Hash, Hasher};
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
 /// A triangle. Its front is the side from which the corners appear counter-clockwise.
@@ -78,6 +78,15 @@ impl Triangle {
         // Twice the area is the longest edge times the height above this edge.
         (b - a).cross(c - a).length() > MIN_HEIGHT_TO_EDGE * longest
     }
+}
+
+/// The unit vector of a direction; zero if it has none. A unit vector in single precision stays as it is, so that it can be written to a
+/// file and read again.
+pub(super) fn unit(direction: DVec3) -> Vec3 {
+    let rounded = direction.as_vec3();
+    // The rounding of three components changes the squared length by less than this.
+    let is_unit = (direction.length_squared() - 1.0).abs() < 5e-7;
+    if is_unit && rounded.as_dvec3() == direction { rounded } else { direction.normalize_or_zero().as_vec3() }
 }
 
 /// Drops every triangle that equals an earlier triangle. Exporters write such triangles for an object that was duplicated in place. A ray

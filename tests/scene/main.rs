@@ -8,6 +8,7 @@ mod scene_support;
 mod blender;
 mod builtin;
 mod camera_file;
+mod editable;
 #[cfg(feature = "compressed")]
 mod gltf_compressed;
 mod gltf_errors;

@@ -2,6 +2,7 @@
 
 #![allow(dead_code, reason = "each test file uses a part of this module")]
 
+pub mod editable;
 pub mod fuzz;
 
 use std::path::PathBuf;
@@ -131,8 +132,12 @@ pub fn glb(document: &Value, binary: &[u8]) -> Vec<u8> {
     file
 }
 
+/// Every document that loads also loads as a scene that can be changed, and is the same after it was saved.
 pub fn try_load(document: &Value) -> Result<Scene> {
-    scene::load(&write(document).path, None)
+    let written = write(document);
+    let scene = scene::load(&written.path, None)?;
+    editable::check(&written.path, &scene);
+    Ok(scene)
 }
 
 pub fn load(document: &Value) -> Scene {

@@ -165,6 +165,14 @@ impl Source {
         }
     }
 
+    /// Writes a scene in memory into a folder. Returns the file's name; `None` for all other sources.
+    pub(in crate::lab) fn keep_scene(&self, folder: &Path) -> Result<Option<String>> {
+        match self {
+            Self::Scene(scene) => scene.keep_scene(folder),
+            Self::Rig(_) | Self::Run(_) | Self::Model(_) | Self::Matrix(_) => Ok(None),
+        }
+    }
+
     /// The name of the step that prepares the light transport, for the record of a run's timings.
     pub(in crate::lab) fn preparation(&self) -> &'static str {
         match self {
@@ -211,8 +219,8 @@ impl Source {
         };
         match self {
             Self::Scene(source) => {
-                let scene = &source.scene;
-                Some(note(Kind::Scene, &scene.path, scene.hash, source.is_symmetric()))
+                let (path, hash) = source.file();
+                Some(note(Kind::Scene, path, hash, source.is_symmetric()))
             }
             Self::Rig(rig) => Some(note(Kind::Rig, &rig.file.path, rig.file.hash, rig.is_symmetric())),
             Self::Run(run) => Some(run.note.clone()),

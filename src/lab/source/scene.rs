@@ -1,15 +1,17 @@
 //! A scene as a source: the loaded scene, the device that traces it, and the cache of matrices.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::cache::{Cache, Found, Key};
 use crate::error::{Error, Result};
+use crate::file;
 use crate::gpu::AdapterSummary;
 use crate::image::Resolution;
 use crate::io::manifest;
 use crate::journal::Identity;
+use crate::lab::layout::SCENE;
 use crate::lab::lock;
 use crate::lab::settings::{Settings, View};
 use crate::lab::text::grouped;
@@ -17,7 +19,7 @@ use crate::lab::traced::{self, report_matrix, report_trace, store};
 use crate::lab::{Log, SharedObserver, Truth};
 use crate::measure::RunManifest;
 use crate::render::{TraceSettings, Tracer};
-use crate::scene::Scene;
+use crate::scene::{EditableScene, Scene, hash_of_glb};
 use crate::transport::{self, Assembled, Backend, Channels};
 
 /// The label of a pixel that sees no region, as in all label images.
@@ -37,6 +39,10 @@ pub(in crate::lab) struct SceneSource {
     backend: Backend,
     /// The matrix that was last requested. Clones of the source share it.
     kept: Arc<Mutex<Option<Kept>>>,
+    /// The scene in memory from which the source was made.
+    editable: Option<Arc<EditableScene>>,
+    /// The file in which a run keeps that scene, with its hash.
+    file: Option<(PathBuf, [u8; 32])>,
     pub(in crate::lab) observer: SharedObserver,
 }
 
@@ -117,6 +123,54 @@ impl SceneSource {
         Ok(Self { cache: None, ..source })
     }
 
+    /// A scene in memory whose hash is that of its content.
+    pub(in crate::lab) fn editable(
+        editable: Arc<EditableScene>,
+        settings: &Settings,
+        observer: &SharedObserver,
+    ) -> Result<Self> {
+        if let Some(option) = settings.view.first_of_file() {
+            return Err(Error::option(
+                option,
+                "it says how a scene's file is read, and this scene is in memory",
+            )
+            .help("leave it out, and give it where the scene is loaded"));
+        }
+        let scene = editable.to_scene(settings.view.auto_camera)?;
+        traced::check(&scene, observer)?;
+        let mut tracer = Tracer::new(&scene, settings.adapter.as_deref())?;
+        share(&mut tracer, &scene, settings, observer)?;
+        let source = Self::new(scene, tracer, settings.trace.for_scene(), settings, observer)?;
+        Ok(Self { editable: Some(editable), ..source })
+    }
+
+    /// Names the file in the folder of a run that will keep a scene in memory. Refuses a folder that has another such file.
+    pub(in crate::lab) fn claim_file(&mut self, folder: &Path) -> Result<()> {
+        let Some(editable) = &self.editable else { return Ok(()) };
+        let (path, bytes) = (folder.join(SCENE), editable.to_glb()?);
+        if path.exists() && file::read(&path)? != bytes {
+            let fault = format!("{} is another scene than the one in memory", path.display());
+            return Err(Error::option("-o", fault).help("name another folder"));
+        }
+        self.file = Some((path, hash_of_glb(&bytes)?));
+        Ok(())
+    }
+
+    /// Writes a scene in memory into a folder, so that it can be opened again. Returns the file's name; `None` for a scene from a file.
+    pub(in crate::lab) fn keep_scene(&self, folder: &Path) -> Result<Option<String>> {
+        let Some(editable) = &self.editable else { return Ok(None) };
+        editable.save(&folder.join(SCENE))?;
+        Ok(Some(SCENE.to_owned()))
+    }
+
+    /// The scene's file, or its name if it is only in memory; and the hash.
+    pub(in crate::lab) fn file(&self) -> (&Path, [u8; 32]) {
+        match &self.file {
+            Some((path, hash)) => (path, *hash),
+            None => (&self.scene.path, self.scene.hash),
+        }
+    }
+
     fn new(
         scene: Scene,
         mut tracer: Tracer,
@@ -145,6 +199,8 @@ impl SceneSource {
             cache,
             backend: settings.operator.backend,
             kept: Arc::default(),
+            editable: None,
+            file: None,
             observer: observer.clone(),
         })
     }

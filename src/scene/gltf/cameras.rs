@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 use gltf_json as json;
 use gltf_json::validation::Checked;
+use serde::{Deserialize, Serialize};
 
 use super::Document;
 use super::extensions::Extras;
@@ -172,6 +173,10 @@ fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Posed> {
         aspect: perspective.aspect_ratio,
         lens: extras.lens(document, name)?,
     };
+    let camera = match extras.exact() {
+        Some(exact) => exact.applied(camera),
+        None => camera,
+    };
     Ok(Posed { camera, position })
 }
 
@@ -194,9 +199,30 @@ fn axes(document: &Document, name: &str, placed: &Placed) -> Result<[DVec3; 3]> 
             .fault(format!("camera `{name}` is mirrored by its node's transform"))
             .help("remove the negative scale from the camera's node or its parents"));
     }
+    Ok(frame(x, z))
+}
+
+/// Right, up and forward of a camera whose node has these unit vectors as its first and its third axis.
+pub(super) fn frame(x: DVec3, z: DVec3) -> [DVec3; 3] {
     // glTF cameras look along −Z with +Y up. Adding zero converts −0 to 0.
     let forward = -z + DVec3::ZERO;
     let right = x.reject_from_normalized(forward).normalize() + DVec3::ZERO;
     let up = right.cross(forward) + DVec3::ZERO;
-    Ok([right, up, forward])
+    [right, up, forward]
+}
+
+/// A camera's axes and the tangent of half its field of view, in the extras of a file that krylux wrote.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Exact {
+    pub axes: [Vec3; 3],
+    pub tan_half_fov: f32,
+}
+
+impl Exact {
+    /// The camera with the exact numbers, unless another program has changed it, and left the extras.
+    fn applied(self, camera: Camera) -> Camera {
+        let [right, up, forward] = self.axes;
+        let exact = Camera { right, up, forward, tan_half_fov: self.tan_half_fov, ..camera.clone() };
+        if exact.coincides(&camera, 1.0) { exact } else { camera }
+    }
 }

@@ -26,6 +26,7 @@
 
 use gltf_json as json;
 
+use super::cameras::Exact;
 use super::textures::WEBP;
 use super::{Document, materials};
 use crate::error::Result;
@@ -176,6 +177,11 @@ impl Extras {
             .map_err(|what| document.fault(format!("camera `{name}` {what}")).help(Lens::HELP))
     }
 
+    /// The exact numbers of a camera that krylux wrote.
+    pub(super) fn exact(&self) -> Option<Exact> {
+        serde_json::from_value(self.0.get("krylux_exact")?.clone()).ok()
+    }
+
     /// The resolution of the projector `name`, if stated.
     pub(super) fn resolution(&self, document: &Document, name: &str) -> Result<Option<Resolution>> {
         let Some(value) = self.0.get("resolution") else { return Ok(None) };
@@ -201,12 +207,15 @@ pub(super) enum Label {
     Absent,
 }
 
+/// The name of the region of surfaces without a label.
+pub(super) const UNLABELLED: &str = "unlabelled";
+
 impl std::fmt::Display for Label {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Number(number) => write!(f, "{number}"),
             Self::Name(name) => f.write_str(name),
-            Self::Absent => f.write_str("unlabelled"),
+            Self::Absent => f.write_str(UNLABELLED),
         }
     }
 }

@@ -10,12 +10,12 @@ use super::extensions::Label;
 use super::materials::Materials;
 use super::nodes::Placed;
 use super::pose::{Influences, Pose, Skins, Transform};
-use super::vertices::{Corners, Vertices};
+use super::vertices::{Corners, Vertex, Vertices};
 use super::{Document, extensions, object_name, pose};
 use crate::error::{Error, Result};
-use crate::scene::Watcher;
 use crate::scene::place::Place;
 use crate::scene::triangle::{MAX_COORDINATE, MAX_TRIANGLES, Triangle};
+use crate::scene::{Mesh, Watcher};
 
 const NO_AREA: &str = "points or lines, which have no area";
 
@@ -26,6 +26,8 @@ pub(super) struct Surface {
     pub label: Option<Label>,
     /// The triangles. There is at least one.
     pub triangles: Vec<Triangle>,
+    /// The same as meshes, one for each instance, on request.
+    pub meshes: Vec<Mesh>,
 }
 
 /// Assembles all surfaces of the scene, in the order of the nodes. If the scene is moved, they are assembled again at the new origin.
@@ -33,12 +35,12 @@ pub(super) fn assemble(
     document: &mut Document,
     placed: &[Placed],
     materials: &mut Materials,
-    watcher: Watcher<'_>,
+    (watcher, records): (Watcher<'_>, bool),
     place: &mut Place,
 ) -> Result<Vec<Surface>> {
-    let mut assembly = assembly(document, placed, materials, watcher, place)?;
+    let mut assembly = assembly(document, placed, materials, (watcher, records), place)?;
     if place.settle(&document.file.path)? {
-        assembly = self::assembly(document, placed, materials, watcher, place)?;
+        assembly = self::assembly(document, placed, materials, (watcher, records), place)?;
     }
     document.file.warnings.extend(place.warning());
     if assembly.degenerate > 0 {
@@ -61,10 +63,11 @@ fn assembly(
     document: &mut Document,
     placed: &[Placed],
     materials: &mut Materials,
-    watcher: Watcher<'_>,
+    (watcher, records): (Watcher<'_>, bool),
     place: &mut Place,
 ) -> Result<Assembly> {
     let mut assembly = Assembly {
+        records,
         surfaces: Vec::new(),
         skins: Skins::new(document, placed),
         counts: Counts::default(),
@@ -94,9 +97,10 @@ fn assembly(
                 .label(document, &placement.what, index, Some(primitive))?
                 .or_else(|| mesh_label.clone())
                 .or_else(|| node.label.clone());
-            let triangles = assembly.place(document, &placement, &poses, materials, (progress, place))?;
+            let (triangles, meshes) =
+                assembly.place(document, &placement, &poses, materials, (progress, place))?;
             if !triangles.is_empty() {
-                assembly.surfaces.push(Surface { placed: position, label, triangles });
+                assembly.surfaces.push(Surface { placed: position, label, triangles, meshes });
             }
         }
     }
@@ -112,6 +116,8 @@ struct Placement {
 
 /// The surfaces assembled so far, and the counts that bound the work.
 struct Assembly {
+    /// Whether surfaces have their meshes.
+    records: bool,
     surfaces: Vec<Surface>,
     skins: Skins,
     counts: Counts,
@@ -163,14 +169,14 @@ impl Assembly {
         poses: &[Pose],
         materials: &mut Materials,
         (progress, place): (Progress<'_>, &mut Place),
-    ) -> Result<Vec<Triangle>> {
+    ) -> Result<(Vec<Triangle>, Vec<Mesh>)> {
         let what = &placement.what;
         let primitive = &document.root.meshes[placement.mesh].primitives[placement.primitive];
         let material_index = primitive.material.map(|material| material.value());
         let has_set =
             [0, 1].map(|set| primitive.attributes.contains_key(&Checked::Valid(Semantic::TexCoords(set))));
         if !has_triangles(document, placement)? {
-            return Ok(Vec::new());
+            return Ok(Default::default());
         }
         let material = materials.index_of(document, what, material_index)?;
         let material = materials.with_coordinates(document, what, material, has_set)?;
@@ -182,7 +188,7 @@ impl Assembly {
             document,
             what,
             primitive,
-            &materials.list[material as usize],
+            materials.list[material as usize].texture_sets(),
             weights.map_or(&[], Vec::as_slice),
         )?;
         let corners = Corners::open(document, what, primitive, vertices.count)?;
@@ -208,7 +214,17 @@ impl Assembly {
                 }
             }
         }
-        Ok(triangles)
+        let mut meshes = Vec::new();
+        if self.records {
+            let weights = weights.map_or(&[][..], Vec::as_slice);
+            // A scene reads only the coordinates of textures. A mesh keeps all.
+            let vertices = &Vertices::open(document, what, primitive, has_set, weights)?;
+            for pose in poses {
+                let placer = Placer { document, what, vertices, pose, influences: &influences, material };
+                meshes.push(placer.mesh(&corners, place)?);
+            }
+        }
+        Ok((triangles, meshes))
     }
 }
 
@@ -239,6 +255,43 @@ struct Placer<'a> {
 }
 
 impl Placer<'_> {
+    /// The mesh in the coordinates of `place`.
+    fn mesh(&self, corners: &Corners<'_>, place: &mut Place) -> Result<Mesh> {
+        let count = self.vertices.count;
+        // An accessor without data can have any number of vertices.
+        if count > 3 * MAX_TRIANGLES {
+            let fault = format!("{} has {count} vertices", self.what);
+            return Err(self.document.fault(fault).help("drop the vertices that no triangle has"));
+        }
+        let mut mesh = Mesh { material: self.material, ..Mesh::default() };
+        mesh.vertices = with_room(self.document, count, "vertices")?;
+        let (has_normals, has_set, has_colors) = self.vertices.has();
+        let indices = (0..corners.triangles).map(|index| corners.vertices(index));
+        let faces: Option<Vec<[u32; 3]>> = indices.collect();
+        let faces = faces.ok_or_else(|| cut_short(self.document, self.what))?;
+        let mut is_used = vec![false; count];
+        // The triangles have been made from these indices, so none is out of range.
+        faces.iter().flatten().for_each(|&vertex| is_used[vertex as usize] = true);
+        let mut mirrored = vec![false; count];
+        for index in 0..count {
+            // There are fewer vertices than 2³². A vertex that no triangle has may be anywhere.
+            let (vertex, mirrors) = match self.vertex(index as u32, place) {
+                Err(_) if !is_used[index] => (Vertex::default(), false),
+                found => found?,
+            };
+            mirrored[index] = mirrors;
+            mesh.vertices.push(vertex.position);
+            mesh.normals.extend(has_normals.then_some(vertex.normal));
+            mesh.colors.extend(has_colors.then_some(vertex.color));
+            for set in (0..2).filter(|&set| has_set[set]) {
+                mesh.texcoords[set].push(vertex.texcoords[set]);
+            }
+        }
+        let face = |[a, b, c]: [u32; 3]| if mirrored[c as usize] { [a, c, b] } else { [a, b, c] };
+        mesh.faces = faces.into_iter().map(face).collect();
+        Ok(mesh)
+    }
+
     /// The triangle whose corners are the vertices `indices`, in the coordinates of `place`, which notes the corners.
     pub(super) fn triangle(&self, indices: [u32; 3], place: &mut Place) -> Result<Triangle> {
         let mut triangle = Triangle::flat([Vec3::ZERO; 3], self.material, 0);
@@ -252,6 +305,16 @@ impl Placer<'_> {
 
     /// Sets corner number `corner` of `triangle` to the vertex `index`. Returns whether the transform of the vertex mirrors.
     fn place(&self, index: u32, corner: usize, triangle: &mut Triangle, place: &mut Place) -> Result<bool> {
+        let (vertex, mirrors) = self.vertex(index, place)?;
+        triangle.positions[corner] = vertex.position;
+        triangle.normals[corner] = vertex.normal;
+        triangle.texcoords[corner] = vertex.texcoords;
+        triangle.colors[corner] = vertex.color;
+        Ok(mirrors)
+    }
+
+    /// The vertex `index` in the coordinates of `place`, which notes it, and whether its transform mirrors.
+    fn vertex(&self, index: u32, place: &mut Place) -> Result<(Vertex, bool)> {
         let Self { document, what, vertices, .. } = self;
         let vertex = vertices.vertex(index as usize).ok_or_else(|| {
             document.damaged_mesh(format!(
@@ -274,11 +337,8 @@ impl Placer<'_> {
                 .help("correct the mesh's texture coordinates"));
         }
         place.note(world, vertex.position.as_dvec3(), transform.stretch());
-        triangle.positions[corner] = (world - place.origin).as_vec3();
-        triangle.normals[corner] = transform.normal(vertex.normal);
-        triangle.texcoords[corner] = vertex.texcoords;
-        triangle.colors[corner] = vertex.color;
-        Ok(transform.mirrors)
+        let (position, normal) = ((world - place.origin).as_vec3(), transform.normal(vertex.normal));
+        Ok((Vertex { position, normal, ..vertex }, transform.mirrors))
     }
 }
 

@@ -17,6 +17,7 @@ mod nodes;
 mod pose;
 mod textures;
 mod vertices;
+mod write;
 
 use std::cell::RefCell;
 use std::collections::HashSet;
@@ -26,15 +27,53 @@ use glam::DVec3;
 use gltf_json as json;
 use serde::de::DeserializeOwned;
 
+use super::camera::Posed;
+use super::camera_file::Cameras;
 use super::place::Place;
 use super::source::SceneFile;
-use super::{Camera, LoadOptions, Scene, camera_file};
+use super::{Camera, LoadOptions, Mesh, Scene, camera_file};
 use crate::error::{Error, Result};
+
+pub(super) use write::{write, write_without_pictures};
+
+/// The parts of a file that a [`Scene`] does not have.
+pub(super) struct Recorded {
+    /// The meshes, in the order of their triangles in the scene.
+    pub meshes: Vec<Mesh>,
+    /// The camera, unless it was placed in front of the scene.
+    pub camera: Option<Camera>,
+    /// The projector, also where it coincides with the camera.
+    pub projector: Option<Camera>,
+}
 
 /// Loads a `.glb` or `.gltf` file; see [`crate::scene::load`].
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
-    let mut document = Document::read(path, options.strict)?;
+    let (file, bytes) = SceneFile::read(path, options.strict)?;
     let camera_file = camera_file::find(path, options)?;
+    convert(file, &bytes, (options, camera_file), false).map(|(scene, _)| scene)
+}
+
+/// As [`load`], with the meshes.
+pub(super) fn load_recorded(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Recorded)> {
+    let (file, bytes) = SceneFile::read(path, options.strict)?;
+    let camera_file = camera_file::find(path, options)?;
+    convert(file, &bytes, (options, camera_file), true)
+}
+
+/// Reads the bytes of a `.glb` file. `name` stands for the file in messages.
+pub(super) fn read(name: &str, bytes: &[u8]) -> Result<(Scene, Recorded)> {
+    let options = LoadOptions { auto_camera: true, strict: true, ..LoadOptions::default() };
+    convert(SceneFile::of(Path::new(name), true, bytes), bytes, (&options, None), true)
+}
+
+/// Makes the scene of a file with these bytes. The meshes are recorded on request.
+fn convert(
+    file: SceneFile,
+    bytes: &[u8],
+    (options, camera_file): (&LoadOptions<'_>, Option<Cameras>),
+    records: bool,
+) -> Result<(Scene, Recorded)> {
+    let mut document = Document::parse(file, bytes)?;
     if let Some(file) = &camera_file {
         document.file.hash.add(&file.bytes);
     }
@@ -51,13 +90,19 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let cameras = cameras::complete(&mut document, &placed, options, camera_file.unwrap_or_default())?;
     let mut materials = materials::Materials::default();
     let mut place = Place::of(cameras.camera.as_ref().map(|camera| camera.position));
-    let surfaces = geometry::assemble(&mut document, &placed, &mut materials, options.watcher, &mut place)?;
-    let (triangles, regions, regions_are_labels) = nodes::name_regions(&mut document, &placed, surfaces)?;
+    let surfaces =
+        geometry::assemble(&mut document, &placed, &mut materials, (options.watcher, records), &mut place)?;
+    let (triangles, meshes, (regions, regions_are_labels)) =
+        nodes::name_regions(&mut document, &placed, surfaces)?;
+    let around = |camera: &Option<Posed>| camera.clone().map(|camera| camera.around(place.origin));
+    let recorded =
+        Recorded { meshes, camera: around(&cameras.camera), projector: around(&cameras.projector) };
     // The hash is part of cache keys. The camera's name is included, because another camera of the same file gives another matrix.
     let name = cameras.camera.as_ref().map_or(Camera::PLACED, |camera| &camera.camera.name);
     document.file.hash.add(name.as_bytes());
     let materials = (materials.list, materials.textures.list);
-    Ok(document.file.scene(&place, cameras, triangles, materials, (regions, regions_are_labels)))
+    let scene = document.file.scene(&place, cameras, triangles, materials, (regions, regions_are_labels));
+    Ok((scene, recorded))
 }
 
 /// A parsed file with the buffers that it refers to.
@@ -73,10 +118,10 @@ struct Document {
 }
 
 impl Document {
-    /// Reads and parses the file at `path`, but not the files that it refers to.
-    fn read(path: &Path, strict: bool) -> Result<Self> {
-        let (file, bytes) = SceneFile::read(path, strict)?;
-        let (text, chunk) = split(path, &bytes)?;
+    /// Parses a file, but not the files that it refers to.
+    fn parse(file: SceneFile, bytes: &[u8]) -> Result<Self> {
+        let path = &file.path;
+        let (text, chunk) = split(path, bytes)?;
         // Some exporters write a byte order mark.
         let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
         let (root, translations) = (read_root(path, text)?, nodes::translations(text));
@@ -223,6 +268,23 @@ fn chunk<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], &'a [u8], &'a [u
         .split_at_checked(length)
         .ok_or_else(|| damaged(path, format!("a GLB chunk says {length} bytes, but the file ends before")))?;
     Ok((kind, content.0, content.1))
+}
+
+/// The GLB container: a header and two chunks, each padded to a multiple of four bytes as the format requires.
+fn assemble_chunks(mut text: Vec<u8>, mut binary: Vec<u8>) -> Vec<u8> {
+    text.resize(text.len().next_multiple_of(4), b' ');
+    binary.resize(binary.len().next_multiple_of(4), 0);
+    let length = HEADER_BYTES + 2 * CHUNK_HEADER_BYTES + text.len() + binary.len();
+    let mut file = Vec::with_capacity(length);
+    file.extend(MAGIC);
+    file.extend(2_u32.to_le_bytes());
+    file.extend((length as u32).to_le_bytes());
+    for (kind, chunk) in [(JSON_CHUNK, text), (BINARY_CHUNK, binary)] {
+        file.extend((chunk.len() as u32).to_le_bytes());
+        file.extend(kind);
+        file.extend(chunk);
+    }
+    file
 }
 
 fn word(bytes: &[u8], at: usize) -> Option<u32> {

@@ -10,7 +10,7 @@ use super::extensions::Label;
 use super::geometry::Surface;
 use super::{Document, extensions, geometry, object_name, pose};
 use crate::error::Result;
-use crate::scene::Triangle;
+use crate::scene::{Mesh, Triangle};
 
 /// The translation of each node relative to its parent in double precision (the crate `gltf-json` reads single). Empty if the text is
 /// unreadable.
@@ -212,22 +212,27 @@ fn local_transform(document: &Document, index: usize, node: &json::Node) -> Resu
 /// The largest number of labels. Labels are stored as bytes, and 255 stands for a masked pixel.
 const MAX_LABELS: usize = 255;
 
-/// Sets the region of every triangle. Returns the triangles, the names of the regions, and whether the regions are labels.
+/// Sets the region of every triangle and mesh, and the names of the meshes. Returns both, with the names of the regions and whether the
+/// regions are labels.
 pub(super) fn name_regions(
     document: &mut Document,
     placed: &[Placed],
     surfaces: Vec<Surface>,
-) -> Result<(Vec<Triangle>, Vec<String>, bool)> {
+) -> Result<(Vec<Triangle>, Vec<Mesh>, (Vec<String>, bool))> {
     let labelled = surfaces.iter().any(|surface| surface.label.is_some());
+    let (mesh_names, of_node) = by_node(document, placed, &surfaces);
     let (names, region_of) =
-        if labelled { by_label(document, &surfaces)? } else { by_node(document, placed, &surfaces) };
+        if labelled { by_label(document, &surfaces)? } else { (mesh_names.clone(), of_node.clone()) };
     let count = surfaces.iter().map(|surface| surface.triangles.len()).sum();
     let mut triangles = geometry::with_room(document, count, geometry::TRIANGLES)?;
-    for (mut surface, region) in surfaces.into_iter().zip(region_of) {
+    let mut meshes = Vec::new();
+    for ((mut surface, region), node) in surfaces.into_iter().zip(region_of).zip(of_node) {
         surface.triangles.iter_mut().for_each(|triangle| triangle.region = region);
         triangles.append(&mut surface.triangles);
+        let name = &mesh_names[node as usize];
+        meshes.extend(surface.meshes.into_iter().map(|mesh| Mesh { name: name.clone(), region, ..mesh }));
     }
-    Ok((triangles, names, labelled))
+    Ok((triangles, meshes, (names, labelled)))
 }
 
 type Naming = (Vec<String>, Vec<u32>);

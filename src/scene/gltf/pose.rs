@@ -15,6 +15,7 @@ use super::extensions::INSTANCING;
 use super::nodes::Placed;
 use super::{Document, geometry, object_name, vertices};
 use crate::error::Result;
+use crate::scene::triangle::unit;
 
 /// An affine transform of points, and the corresponding transform of normals.
 #[derive(Clone, Copy)]
@@ -47,7 +48,7 @@ impl Transform {
 
     /// Transforms a normal to a unit vector, or to zero if it has no direction.
     pub(super) fn normal(&self, normal: Vec3) -> Vec3 {
-        (self.normals * normal.as_dvec3()).normalize_or_zero().as_vec3()
+        unit(self.normals * normal.as_dvec3())
     }
 }
 

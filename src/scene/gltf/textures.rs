@@ -17,6 +17,8 @@ use crate::scene::{Texture, TextureRef, Wrap};
 
 pub(super) const WEBP: &str = "EXT_texture_webp";
 
+pub(super) const TRANSFORM: &str = "KHR_texture_transform";
+
 /// The textures that materials use, in order of their first use.
 #[derive(Default)]
 pub(super) struct Textures {
@@ -30,24 +32,32 @@ pub(super) struct TextureUse {
     index: usize,
     set: u32,
     transform: TextureTransform,
+    /// The transform to the last bit, if krylux wrote the file.
+    exact: Option<[f32; 6]>,
+}
+
+fn exact(extras: &json::Extras) -> Option<[f32; 6]> {
+    let extras: json::Value = serde_json::from_str(extras.as_ref()?.get()).ok()?;
+    serde_json::from_value(extras.get("krylux_exact")?.clone()).ok()
 }
 
 impl TextureUse {
     /// A reference to a texture other than the normal texture.
     pub(super) fn of(info: &json::texture::Info) -> Self {
         let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.clone());
-        Self { index: info.index.value(), set: info.tex_coord, transform: transform.unwrap_or_default() }
+        let (index, set, exact) = (info.index.value(), info.tex_coord, exact(&info.extras));
+        Self { index, set, transform: transform.unwrap_or_default(), exact }
     }
 
     /// A reference to a normal texture. `None` if its `KHR_texture_transform` is malformed.
     pub(super) fn of_normal(info: &json::material::NormalTexture) -> Option<Self> {
-        let extension =
-            info.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));
+        let extension = info.extensions.as_ref().and_then(|extensions| extensions.others.get(TRANSFORM));
         let transform = match extension {
             Some(value) => serde_json::from_value(value.clone()).ok()?,
             None => TextureTransform::default(),
         };
-        Some(Self { index: info.index.value(), set: info.tex_coord, transform })
+        let (index, set, exact) = (info.index.value(), info.tex_coord, exact(&info.extras));
+        Some(Self { index, set, transform, exact })
     }
 }
 
@@ -77,6 +87,9 @@ impl Textures {
                 .fault(format!("{material}: the KHR_texture_transform of its {role} texture is not finite"))
                 .help("correct the texture's offset, rotation or scale"));
         }
+        // Another program may have changed the transform, and left the extras.
+        let exact = info.exact.map(|columns| Affine2::from_cols_array(&columns));
+        let transform = exact.filter(|exact| exact.abs_diff_eq(transform, 1e-5)).unwrap_or(transform);
         let texture = self.index_of(document, material, role, info.index)?;
         Ok(Some(TextureRef { texture, set, transform }))
     }
@@ -210,7 +223,7 @@ fn sampler(document: &Document, what: &str, texture: &json::Texture) -> Result<(
 
 /// The map of texture coordinates by `KHR_texture_transform`: scale, then rotation, then offset. The rotation is counter-clockwise in the
 /// picture, where `v` points downwards.
-fn transform(scale: Vec2, rotation: f32, offset: Vec2) -> Affine2 {
+pub(super) fn transform(scale: Vec2, rotation: f32, offset: Vec2) -> Affine2 {
     let (sine, cosine) = rotation.sin_cos();
     Affine2::from_mat2_translation(
         Mat2::from_cols(Vec2::new(cosine, -sine) * scale.x, Vec2::new(sine, cosine) * scale.y),

@@ -9,7 +9,7 @@ use gltf_json::validation::Checked;
 use super::buffers::OpenAccessor;
 use super::{Document, buffers};
 use crate::error::Result;
-use crate::scene::{Material, Triangle};
+use crate::scene::Triangle;
 
 /// The component types of coordinates: floats, and the integer types that `KHR_mesh_quantization` adds.
 const COORDINATES: [ComponentType; 5] =
@@ -17,7 +17,7 @@ const COORDINATES: [ComponentType; 5] =
 
 const COLORS: [ComponentType; 3] = [ComponentType::F32, ComponentType::U8, ComponentType::U16];
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(super) struct Vertex {
     pub position: Vec3,
     /// The normal from the file. It is zero if the file states none.
@@ -44,12 +44,12 @@ struct MorphTarget<'a> {
 }
 
 impl<'a> Vertices<'a> {
-    /// Opens the attributes, the morph targets with the rest weights `weights`, and the texture coordinates that `material` uses.
+    /// Opens the attributes, the morph targets with the rest weights `weights`, and the sets of texture coordinates `has_set`.
     pub(super) fn open(
         document: &'a Document,
         what: &str,
         primitive: &json::mesh::Primitive,
-        material: &Material,
+        has_set: [bool; 2],
         weights: &[f32],
     ) -> Result<Self> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
@@ -63,8 +63,7 @@ impl<'a> Vertices<'a> {
             |name: &str, semantic, array| open(document, (what, name), attribute(semantic), array, count);
         let normals = open("NORMAL", Semantic::Normals, (Type::Vec3, &COORDINATES))?;
         let mut texcoords = [None; 2];
-        for (_, texture) in material.textures() {
-            let set = texture.set;
+        for set in (0..2).filter(|&set| has_set[set as usize]) {
             let name = format!("TEXCOORD_{set}");
             texcoords[set as usize] = open(&name, Semantic::TexCoords(set), (Type::Vec2, &COORDINATES))?;
         }
@@ -77,6 +76,12 @@ impl<'a> Vertices<'a> {
         let colors = open("COLOR_0", Semantic::Colors(0), (shape, &COLORS))?.map(|array| (array, shape));
         let targets = open_targets(document, what, primitive, weights, count)?;
         Ok(Self { positions, normals, texcoords, colors, targets, count })
+    }
+
+    /// Whether there are normals, texture coordinates of each set, and colours.
+    pub(super) fn has(&self) -> (bool, [bool; 2], bool) {
+        let [first, second] = &self.texcoords;
+        (self.normals.is_some(), [first.is_some(), second.is_some()], self.colors.is_some())
     }
 
     /// The number of morph targets whose weight is not zero.
