@@ -28,11 +28,7 @@ pub(super) fn of_camera(camera: &Camera, property: &str) -> Option<Value> {
     })
 }
 
-pub(super) fn set_camera(
-    camera: &mut Camera,
-    property: &str,
-    value: Value,
-) -> std::result::Result<(), Fault> {
+pub(super) fn set_camera(camera: &mut Camera, property: &str, value: Value) -> Result<(), Fault> {
     if of_camera(camera, property).as_ref() == Some(&value) {
         return Ok(());
     }
