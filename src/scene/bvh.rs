@@ -38,7 +38,10 @@ pub struct Bvh {
 /// The tree that was last built for a scene that may change. Copies of the scene share it, so that a scene whose materials change builds it
 /// once. The default keeps no tree.
 #[derive(Clone, Default)]
-pub struct KeptTree(Option<Arc<Mutex<Option<(blake3::Hash, Arc<Bvh>)>>>>);
+pub struct KeptTree(Option<Arc<Mutex<Option<KeyedTree>>>>);
+
+/// A tree with the hash of its boxes.
+type KeyedTree = (blake3::Hash, Arc<Bvh>);
 
 impl KeptTree {
     /// Keeps the tree that is built next.

@@ -71,8 +71,8 @@ impl Mesh {
             let what = format!("row {face} is {:?}, but there are {count} vertices", self.faces[face]);
             return Err(fault("faces", what).help("give indices of vertices, counted from 0"));
         }
-        let far = |vertex: &Vec3| !(vertex.abs().max_element() <= MAX_COORDINATE);
-        if let Some(vertex) = self.vertices.iter().position(|vertex| far(vertex) || vertex.is_nan()) {
+        let is_far = |vertex: &Vec3| !vertex.is_finite() || vertex.abs().max_element() > MAX_COORDINATE;
+        if let Some(vertex) = self.vertices.iter().position(is_far) {
             let what = format!("row {vertex} is {}", self.vertices[vertex]);
             let help =
                 format!("give finite coordinates in metres, at most {MAX_COORDINATE:e} from the origin");

@@ -212,13 +212,16 @@ fn local_transform(document: &Document, index: usize, node: &json::Node) -> Resu
 /// The largest number of labels. Labels are stored as bytes, and 255 stands for a masked pixel.
 const MAX_LABELS: usize = 255;
 
+/// Triangles and meshes, the names of the regions, and whether the regions are labels.
+type Named = (Vec<Triangle>, Vec<Mesh>, (Vec<String>, bool));
+
 /// Sets the region of every triangle and mesh, and the names of the meshes. Returns both, with the names of the regions and whether the
 /// regions are labels.
 pub(super) fn name_regions(
     document: &mut Document,
     placed: &[Placed],
     surfaces: Vec<Surface>,
-) -> Result<(Vec<Triangle>, Vec<Mesh>, (Vec<String>, bool))> {
+) -> Result<Named> {
     let labelled = surfaces.iter().any(|surface| surface.label.is_some());
     let (mesh_names, of_node) = by_node(document, placed, &surfaces);
     let (names, region_of) =
