@@ -55,7 +55,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     match &args.source {
         Some(path) if SourceKind::of(path) == SourceKind::Rig => rig = Some(about(&RigFile::load(path)?)),
         Some(path) if SourceKind::of(path) == SourceKind::Matrix => {
-            matrix = Some(about_matrix(path, console)?)
+            matrix = Some(about_matrix(path, console)?);
         }
         Some(path) => scene = Some(load(path, &args.view, console)?),
         None => {}

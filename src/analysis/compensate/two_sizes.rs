@@ -141,13 +141,16 @@ struct Padded<'a> {
     size: usize,
 }
 
+/// A block of products in one direction.
+type Products = fn(&mut dyn Adjoint, &[&[f64]], &mut [&mut [f64]]) -> Result<()>;
+
 impl Padded<'_> {
     fn products(
         &mut self,
         from: &[&[f64]],
         to: &mut [&mut [f64]],
         [cols, rows]: [usize; 2],
-        apply: fn(&mut dyn Adjoint, &[&[f64]], &mut [&mut [f64]]) -> Result<()>,
+        apply: Products,
     ) -> Result<()> {
         let from: Vec<&[f64]> = from.iter().map(|x| &x[..cols]).collect();
         let (mut heads, mut tails): (Vec<_>, Vec<_>) = to.iter_mut().map(|y| y.split_at_mut(rows)).unzip();

@@ -149,7 +149,7 @@ impl<'a> Reader<'a> {
     }
 
     fn indices(&mut self) -> Option<Vec<usize>> {
-        let index = |number: f64| (number >= 0.0 && number < 9e15).then_some(number as usize);
+        let index = |number: f64| (0.0..9e15).contains(&number).then_some(number as usize);
         self.numbers()?.into_iter().map(index).collect()
     }
 }
