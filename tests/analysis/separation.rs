@@ -153,7 +153,7 @@ fn probing_lets_the_paths_through_that_it_says() {
             let distance = apart(row % SIDE, column % SIDE).hypot(apart(row / SIDE, column / SIDE));
             truth[row] += probing.weight(distance) * weight;
         });
-        let found = probe(&mut operator, resolution, probing, 100, 3).expect("photos");
+        let found = probe(&mut operator, (resolution, None), probing, 100, 3).expect("photos");
         assert_eq!(found.photos, photos);
         let z: Vec<f64> =
             (0..SIDE * SIDE).map(|i| (found.values[i] - truth[i]) / found.standard_errors[i]).collect();
