@@ -22,7 +22,9 @@ const NOISE: ProductNoise = ProductNoise { full: 0.1, direct: 1.0 / 3.0, global:
 fn matrix(rows: usize, cols: usize, seed: usize) -> Csr {
     let (mut starts, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
     for row in 0..rows {
-        for column in (0..cols).filter(|column| row % 4 != 1 && (row * 7 + column * 5 + seed) % 3 != 0) {
+        for column in
+            (0..cols).filter(|column| row % 4 != 1 && !(row * 7 + column * 5 + seed).is_multiple_of(3))
+        {
             columns.push(column as u32);
             weights.push((row * cols + column + seed + 1) as f64 / 5.0 - 2.1);
         }
