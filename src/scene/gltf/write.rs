@@ -46,7 +46,7 @@ pub(in crate::scene) fn write(scene: &EditableScene) -> Result<Vec<u8>> {
     Ok(file)
 }
 
-/// As [`write`], for a small scene whose materials have no textures.
+/// As [`write()`], for a small scene whose materials have no textures.
 pub(in crate::scene) fn write_without_pictures(scene: &EditableScene) -> Vec<u8> {
     file(scene, &scene.materials, (&[], &[]))
 }
