@@ -352,8 +352,25 @@ fn colours_and_separated_rigs_are_captured_too() {
     let found = bench.json(&[&arguments[..], &traced].concat());
     assert!(number(&found["relit"][0]["relative_error"]) < 0.1, "{found}");
     assert!(bench.path("apart/model/direct-0.npz").exists(), "its direct light is no diagonal");
-    let uneven = ["relight", &separated, "--projector-size", "20", "-o", &bench.name("x")];
-    bench.assert_error(&[&uneven[..], &traced].concat(), &["--projector-size", "24x24", "20x20"]);
+    // Dual photography between two sizes: lit from the camera, and seen from the projector.
+    let uneven = ["relight", &separated, "--projector-size", "20", "--dual", "-o", &bench.name("x")];
+    let found = bench.json(&[&uneven[..], &traced].concat());
+    assert!(number(&found["relit"][0]["relative_error"]) < 0.1, "{found}");
+    assert_eq!(npy::read_npy(&bench.path("x/relit-1.npy")).expect("it is written").shape, [20, 20]);
+    // The folder's model answers again, for another target as well.
+    let again = bench.json(&["relight", &bench.name("x"), "--pattern", "left", "-o", &bench.name("y")]);
+    assert_eq!(again["photos"], 0, "{again}");
+    assert_eq!(npy::read_npy(&bench.path("y/relit-1.npy")).expect("it is written").shape, [24, 24]);
+    let target = bench.name("target.npy");
+    npy::write_npy::<f32>(Path::new(&target), &[24, 24], &[0.5; 576]).expect("the folder is writable");
+    let output = bench.run(&["compensate", &bench.name("x"), "--target", &target, "-o", &bench.name("z")]);
+    assert!(
+        output.status.code().is_some_and(|status| status < 2),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let shape = npy::read_npy(&bench.path("z/compensation.npy")).expect("it is written").shape;
+    assert_eq!(shape, [20, 20]);
 }
 
 #[test]

@@ -43,7 +43,7 @@ pub fn compensate_by_model(
     target.fits(model)?;
     let prior = Prior::default();
     let mut scene = Scene { channels: model, prior: &prior };
-    let white = scene.photograph(&vec![vec![1.0; target.pixels()]; scene.channels.len()])?;
+    let white = scene.photograph(&vec![vec![1.0; target.projector().pixels()]; scene.channels.len()])?;
     let peak = options.peak.map_or_else(|| target.default_peak(&white), Ok)?;
     let b = target.light(peak)?;
     let scale = norm_of(&b);

@@ -308,9 +308,12 @@ impl Compensate {
             Some(folder) => open_model(folder, lab.observer())?,
             None => lab.model()?,
         };
-        let options = CompensateOptions { photos: 1, baseline: false, ..self.options(true, None) };
+        let mut options = CompensateOptions { photos: 1, baseline: false, ..self.options(true, None) };
+        if self.method.is_none() && model.resolution != model.projector {
+            options.method = Method::Fista;
+        }
         let target = self.target(model.resolution, Channels::of(model.channels.len()))?;
-        let target = Target::new(&target, &model.ambient)?;
+        let target = Target::new(&target, &model.ambient)?.for_projector(model.projector);
         if self.model.is_none() {
             let mut no_photos = |_: &[Vec<f64>]| Err(Error::Interrupted);
             let found = lab.timed("model", |_| {
@@ -325,7 +328,7 @@ impl Compensate {
         let found = lab.photos(|_| {
             let mut photograph = |patterns: &[Vec<f64>]| {
                 let photo = |(operator, pattern): (&mut LabOperator, &Vec<f64>)| {
-                    let mut photo = vec![0.0; pattern.len()];
+                    let mut photo = vec![0.0; operator.rows()];
                     operator.apply(pattern, &mut photo)?;
                     Ok(photo)
                 };
