@@ -13,7 +13,7 @@ use crate::trial::{Outcome, Trial};
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reason {
-    /// A part of the mutant's name without line and column, such as `src/io/picture.rs: replace * with +`.
+    /// A part of the mutant's name without line and column, such as `src/io/picture/mod.rs: replace * with +`.
     pub mutant: String,
     /// A part of the line of code.
     #[serde(default)]
