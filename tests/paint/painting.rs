@@ -85,7 +85,7 @@ fn questions_are_answered_and_those_that_cannot_be_are_refused_by_name() {
     let folder = folder();
     let matrix = inside(&folder, "rooms.npz");
     krylux::io::sparse::write(Path::new(&matrix), &rooms(8, 10.0)).expect("it is ours");
-    let server = Server::start(&[&matrix]);
+    let server = Server::start(&[&matrix, "--size", "8"]);
     let mut page = server.page();
     page.photo(0);
     let mut ask = |question: &str| {
