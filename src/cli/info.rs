@@ -22,7 +22,6 @@ use crate::lab::{self, SourceKind};
 use crate::measure::RigFile;
 use crate::render;
 use crate::scene::{self, Camera, LoadOptions, Scene};
-use crate::sparse::Csr;
 use crate::verbs::rig::about;
 
 /// Show the graphics adapters and their limits, and what is in a scene, a rig file or a matrix file
@@ -112,7 +111,7 @@ fn about_matrix(path: &Path, console: &Console) -> Result<serde_json::Value> {
     let file = sparse::read_file(path)?;
     let [rows, columns] = file.shape();
     let entries: usize = file.channels.iter().map(|matrix| matrix.weights().len()).sum();
-    let is_symmetric = file.channels.iter().all(Csr::is_symmetric);
+    let is_symmetric = file.channels.iter().all(|matrix| matrix.is_symmetric());
     let count = |number: usize| HumanCount(number as u64);
     console.say(format_args!("matrix    {}", path.display()))?;
     console.say(format_args!(

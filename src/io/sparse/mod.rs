@@ -201,9 +201,9 @@ pub fn is_matrix(path: &Path) -> bool {
     matches!(extension(path).as_str(), "npy" | "npz" | "mtx" | "mtx.gz" | "mat")
 }
 
-/// Reads a gray matrix as [`read_file`] does, without its pictures. Fails for a matrix in colour.
+/// Reads a gray matrix as [`read_file`] does, without its pictures, and the last layer of a file of the cache. Fails for a matrix in colour.
 pub fn read(path: &Path) -> Result<Csr> {
-    let mut channels = read_file(path)?.channels;
+    let mut channels = read_any(path)?.channels;
     match channels.pop() {
         Some(matrix) if channels.is_empty() => Ok(matrix),
         _ => Err(unusable(path, "it holds colours, but a single matrix is wanted".into())),
@@ -228,6 +228,13 @@ pub fn read_file(path: &Path) -> Result<MatrixFile> {
     if files.len() > 1 {
         return read_colors(path, &files);
     }
+    if extension(path) == "npz" {
+        npz::require_whole(path)?;
+    }
+    read_any(path)
+}
+
+fn read_any(path: &Path) -> Result<MatrixFile> {
     match extension(path).as_str() {
         "npy" => dense::read_npy(path),
         "npz" => npz::read(path),

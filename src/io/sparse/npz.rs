@@ -61,14 +61,20 @@ pub fn write_npz(path: &Path, matrix: &Csr, beside: &Beside<'_>) -> Result<()> {
     })
 }
 
+/// Refuses a file of krylux's cache. It has a matrix for each number of bounces, and only one of them under SciPy's names.
+pub(super) fn require_whole(path: &Path) -> Result<()> {
+    let archive = Archive::open(path)?;
+    if !archive.has_member("krylux.json") {
+        return Ok(());
+    }
+    Err(archive
+        .fault("it is a file of krylux's cache, which keeps each number of bounces apart")
+        .help("write the scene's matrix with krylux matrix SCENE -o FILE"))
+}
+
 /// Reads what SciPy's `save_npz` has written for a matrix of real numbers, compressed or not, or an archive with one dense array.
 pub(super) fn read(path: &Path) -> Result<MatrixFile> {
     let mut archive = Archive::open(path)?;
-    if archive.has_member("krylux.json") {
-        return Err(archive
-            .fault("it is a file of krylux's cache, which keeps each number of bounces apart")
-            .help("write the scene's matrix with krylux matrix SCENE -o FILE"));
-    }
     if !archive.has("format") {
         return dense::read_npz(path, archive);
     }
