@@ -221,7 +221,7 @@ impl ModelArrays {
             return Err(unusable(&path, fault));
         }
         let Record { resolution, projector, unit, source, symmetric, .. } = record;
-        if ambient.resolution() != resolution || resolution.pixels() != projector.pixels() {
+        if ambient.resolution() != resolution || symmetric && resolution.pixels() != projector.pixels() {
             return Err(unusable(&path, "its sizes contradict each other".into()));
         }
         Ok(Self { channels, ambient, resolution, projector, unit, source, symmetric })

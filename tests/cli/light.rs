@@ -356,7 +356,7 @@ fn colours_and_separated_rigs_are_captured_too() {
     let uneven = ["relight", &separated, "--projector-size", "20", "--dual", "-o", &bench.name("x")];
     let found = bench.json(&[&uneven[..], &traced].concat());
     assert!(number(&found["relit"][0]["relative_error"]) < 0.1, "{found}");
-    assert_eq!(npy::read_npy(&bench.path("x/relit-1.npy")).expect("it is written").shape, [20, 20]);
+    assert_eq!(npy::read_npy(&bench.path("x/dual-1.npy")).expect("it is written").shape, [20, 20]);
     // The folder's model answers again, for another target as well.
     let again = bench.json(&["relight", &bench.name("x"), "--pattern", "left", "-o", &bench.name("y")]);
     assert_eq!(again["photos"], 0, "{again}");
