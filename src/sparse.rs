@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::operator::{Adjoint, Operator, Symmetry, delegate, product};
 
 const ROWS_PER_TASK: usize = 256;
 
@@ -256,6 +256,33 @@ fn multiply(matrix: &Csr, x: &[f64], y: &mut [f64]) -> Result<()> {
         }
     });
     Ok(())
+}
+
+/// `W A`, for the products of an operator `A` seen through a map `W`.
+pub(crate) struct Mapped<'a, O> {
+    pub(crate) operator: &'a mut O,
+    pub(crate) map: &'a Csr,
+}
+
+impl<O: Operator> Operator for Mapped<'_, O> {
+    delegate!(operator: block_size, observer, frames, confirming);
+
+    fn rows(&self) -> usize {
+        self.map.rows()
+    }
+
+    fn cols(&self) -> usize {
+        self.operator.cols()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        Symmetry::General
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        y.copy_from_slice(&self.map.times(&product(self.operator, x)?));
+        Ok(())
+    }
 }
 
 /// A column and its weight.

@@ -5,10 +5,10 @@ use std::ops::ControlFlow;
 
 use super::run::{Kept, Run, kept};
 use crate::error::{Error, Result};
-use crate::krylov::{Constraint, Method, SolveOptions, SolveRow, Status, norm};
+use crate::krylov::{Constraint, ForwardOnly, Method, SolveOptions, SolveRow, Status, norm};
 use crate::observer::{Observer, Step};
 use crate::operator::{Adjoint, Operator, Relayed, Symmetry, delegate};
-use crate::sparse::Csr;
+use crate::sparse::Mapped;
 
 /// The number of photos of patterns, one after the other, that leave a larger residual than the best one before. The method then ends.
 const RISES: usize = 2;
@@ -105,9 +105,10 @@ fn by_map(
     let target = &run.b[channel];
     let [lower, upper] = [options.lower, options.upper];
     let seen = RefCell::new(Seen { target, lower, upper, best: None, rises: 0, rows: Vec::new() });
-    let mut square = Mapped { operator, map, seen: &seen };
+    let mut square = Mapped { operator: &mut LookedAt { operator, seen: &seen }, map };
     let b = map.times(target);
-    let mut watched = Relayed::new(&mut square, |observer: &dyn Observer, step: &Step<'_>| {
+    let mut forward = ForwardOnly(&mut square);
+    let mut watched = Relayed::new(&mut forward, |observer: &dyn Observer, step: &Step<'_>| {
         let flow = observer.step(step);
         if seen.borrow().rises < RISES { flow } else { ControlFlow::Break(()) }
     });
@@ -215,40 +216,19 @@ impl Seen<'_> {
     }
 }
 
-/// `W A`, which also keeps the best pattern that was photographed.
-struct Mapped<'a, 'b> {
+/// An operator whose photos are looked at.
+struct LookedAt<'a, 'b> {
     operator: &'a mut dyn Adjoint,
-    map: &'a Csr,
     seen: &'a RefCell<Seen<'b>>,
 }
 
-impl Operator for Mapped<'_, '_> {
-    delegate!(operator: observer, frames, confirming);
-
-    fn rows(&self) -> usize {
-        self.map.rows()
-    }
-
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        Symmetry::General
-    }
+impl Operator for LookedAt<'_, '_> {
+    delegate!(operator: rows, cols, symmetry, observer, frames, confirming);
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        let mut photo = vec![0.0; self.operator.rows()];
-        self.operator.apply(x, &mut photo)?;
-        self.seen.borrow_mut().look(x, &photo);
-        y.copy_from_slice(&self.map.times(&photo));
+        self.operator.apply(x, y)?;
+        self.seen.borrow_mut().look(x, y);
         Ok(())
-    }
-}
-
-impl Adjoint for Mapped<'_, '_> {
-    fn apply_adjoint(&mut self, _: &[f64], _: &mut [f64]) -> Result<()> {
-        Err(Error::Numerical("a product with the transpose was asked of a method that takes none".into()))
     }
 }
 
@@ -257,6 +237,7 @@ mod tests {
     use super::super::{CompensateOptions, Compensation, Prior, Target, compensate_with};
     use super::*;
     use crate::image::{Image, Resolution};
+    use crate::sparse::Csr;
     use crate::sparse::SparseOperator;
 
     const CAMERA: Resolution = Resolution { width: 6, height: 5 };

@@ -7,8 +7,8 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::krylov::{Factorization, Start, dot, norm};
 use crate::observer::{Estimate, Step};
-use crate::operator::{Operator, Product, Recorded, Symmetry, delegate, product};
-use crate::sparse::Csr;
+use crate::operator::{Operator, Product, Recorded, Symmetry};
+use crate::sparse::{Csr, Mapped};
 
 /// The options of a low-rank capture.
 #[derive(Clone, Debug)]
@@ -101,33 +101,6 @@ fn run(
         }
     }
     Ok(process.basis().to_vec())
-}
-
-/// `W A`.
-struct Mapped<'a, O> {
-    operator: &'a mut O,
-    map: &'a Csr,
-}
-
-impl<O: Operator> Operator for Mapped<'_, O> {
-    delegate!(operator: block_size, observer, frames, confirming);
-
-    fn rows(&self) -> usize {
-        self.map.rows()
-    }
-
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        Symmetry::General
-    }
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        y.copy_from_slice(&self.map.times(&product(self.operator, x)?));
-        Ok(())
-    }
 }
 
 /// The part of the last photo that the model of the earlier photos did not predict: `‖w − Q Wᵀ q‖` for the last pattern `q` (of norm 1) and
