@@ -47,8 +47,8 @@ fn joined() -> Result<Role> {
         return Ok(Role::Leader(Some(Team::lead(world, placements))));
     }
     if checked.is_err() {
-        // The leader reports the error.
-        return Ok(Role::Ended(ExitCode::from(2)));
+        // The leader reports the error and its status. A failure here could make the launcher end the leader before it has spoken.
+        return Ok(Role::Ended(ExitCode::SUCCESS));
     }
     crate::machine::start_threads();
     SceneWorker::new(Arc::clone(&world), placement.host, placement.local_rank).serve();
@@ -83,7 +83,8 @@ fn joined() -> Result<Role> {
             "{processes} processes were started together, but this krylux was built without MPI"
         ))
         .help("build it with `--features mpi`, or start one process")),
-        _ => Ok(Role::Ended(ExitCode::from(2))),
+        // A failure here could make the launcher end the first process before it has spoken.
+        _ => Ok(Role::Ended(ExitCode::SUCCESS)),
     }
 }
 
