@@ -198,7 +198,8 @@ pub fn merge(into: &mut Vec<Finding>, more: impl IntoIterator<Item = Finding>) {
     }
 }
 
-fn percent(share: f64) -> String {
+/// A share of the light in per cent, with a precision that suits it.
+pub(crate) fn percent(share: f64) -> String {
     match 100.0 * share {
         0.0 => "0".into(),
         value if value.abs() >= 10.0 => format!("{value:.0}"),

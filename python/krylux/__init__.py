@@ -25,12 +25,13 @@ from ._krylux import __version__ as __version__
 from .errors import Error as Error
 
 __all__ = [
-    "Error", "Lab", "LabOperator", "Scene", "__version__", "answers", "compare", "errors", "images", "krylov", "open", "paper",
-    "reproduce", "rig",
+    "Error", "Lab", "LabOperator", "Scene", "__version__", "answers", "captures", "compare", "errors", "images", "import_captures",
+    "krylov", "open", "paper", "reproduce", "rig",
 ]
 
 if TYPE_CHECKING:
-    from . import answers, images, krylov, lab as lab, operator as operator, paper, rig, scene as scene
+    from . import answers, captures as captures, images, krylov, lab as lab, operator as operator, paper, rig, scene as scene
+    from .captures import import_captures
     from .images import compare
     from .lab import Lab, open
     from .operator import LabOperator
@@ -40,6 +41,7 @@ else:
     #: Where each name is found, when it is first asked for.
     _PLACES = {
         "Lab": "lab", "open": "lab", "LabOperator": "operator", "Scene": "scene", "compare": "images",
+        "import_captures": "captures",
         "reproduce": "paper",
     }
 
@@ -48,7 +50,7 @@ else:
 
         if name in _PLACES:
             return getattr(importlib.import_module(f".{_PLACES[name]}", __name__), name)
-        if name in ("answers", "images", "krylov", "lab", "operator", "paper", "rig", "scene"):
+        if name in ("answers", "captures", "images", "krylov", "lab", "operator", "paper", "rig", "scene"):
             return importlib.import_module(f".{name}", __name__)
         raise AttributeError(f"module 'krylux' has no attribute '{name}'")
 

@@ -12,13 +12,14 @@ from . import _checks, _krylux, answers
 
 #: The class of each verb's answer.
 _ANSWERS = {
-    "audit": answers.Audit, "compensate": answers.Compensation, "eigs": answers.Eigenpairs, "probe": answers.Probing,
+    "audit": answers.Audit, "compensate": answers.Compensation, "eigs": answers.Eigenpairs, "import": answers.Imported,
+    "probe": answers.Probing,
     "relight": answers.Relighting, "segment": answers.Segmentation, "separate": answers.Separation,
     "solve": answers.Solution,
 }
 
-#: Verbs whose methods are written by hand, since they take arrays as their first parameter.
-_BY_HAND = ("relight", "solve")
+#: Verbs whose methods are written by hand, since they take arrays as their first parameter, or have the name of a keyword of Python.
+_BY_HAND = ("import", "relight", "solve")
 
 
 def add_verbs(cls):

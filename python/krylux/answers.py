@@ -476,6 +476,27 @@ class Audit(Answer):
         yield _display.table([check[cell] for cell in ("name", "grade", "found")] for check in self.checks)
 
 
+class Imported(Answer):
+    """A model fitted to captures: the answer of :meth:`krylux.Lab.imported`.
+
+    Attributes:
+        captures: The number of captures.
+        relative_error_left_out: The error of photos that were left out, relative to them.
+        relative_noise: The noise of a photo, relative to it; ``noise_is_measured`` tells whether repeated takes told it.
+        error_over_stated: The errors of those photos over their stated errors: 1 if stated errors are right.
+        photos_left_out: Their places among the captures.
+        prior: The scales of the prior of each channel.
+    """
+
+    captures: int
+    relative_error_left_out: float
+    relative_noise: float
+    noise_is_measured: bool
+    error_over_stated: float
+    photos_left_out: list[int]
+    prior: list[dict[str, float]]
+
+
 class Solution(Answer):
     """The answer of :meth:`krylux.Lab.solve` and of the solvers in :mod:`krylux.krylov`.
 

@@ -196,6 +196,10 @@ class Lab(Asking):
         options = {"part": part, "photos": photos, "tolerance": tolerance, "confirm": confirm, "singular": True}
         return _declared.ask(self, "eigs", {"count": count, **options})
 
+    def imported(self) -> answers.Imported:
+        """How well the model of a folder of captures predicts photos that were left out."""
+        return _declared.ask(self, "import", {})
+
     def solve(self, b: ArrayLike, *, method: str = "minres", photos: int = 50, rtol: float = 1e-6, lower: float = 0.0,
               upper: float = 1.0) -> answers.Solution:
         """Solves ``A x = b`` with the matrix of the first channel.

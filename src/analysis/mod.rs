@@ -16,6 +16,7 @@
 //! | how good is a result, judged by light that it was not computed from? | [`mod@verification`] |
 
 pub mod brute_force;
+pub mod captures;
 pub mod compensate;
 pub mod direct;
 pub mod kmeans;

@@ -162,6 +162,11 @@ impl Metadata {
 }
 
 impl DecodedImage {
+    /// Whether the file has 8 bits for each sample; 16 otherwise.
+    pub(crate) fn is_eight_bits(&self) -> bool {
+        matches!(self.samples, Samples::Eight(_))
+    }
+
     /// All samples, interleaved, with 16 bits each. 8-bit samples are scaled by 257, so full scale stays full scale.
     pub(crate) fn into_sixteen_bits(self) -> Vec<u16> {
         match self.samples {

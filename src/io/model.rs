@@ -7,6 +7,7 @@
 //! | `photos-C.npy` | `W = G Q`, where `G` is `A` without direct light: `k×H×W` of the camera's pixels, `f64` |
 //! | `direct-C.npy` or `.npz` | the direct light: an image `H×W`, or a sparse matrix if it is not diagonal |
 //! | `ambient.npy` | the photo without the projector |
+//! | `captured-C.npy`, `pixels-C.npy`, `missing-C.npy` | of a model that was fitted to captures, what its errors follow from ([`CapturedArrays`]) |
 //!
 //! NumPy and SciPy read all of these files. With the direct light `d`, the photo of a pattern `x` is
 //! `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`. The last term is present only in symmetric models.
@@ -59,6 +60,23 @@ pub struct ChannelArrays {
     pub photos: Vec<Vec<f64>>,
     /// The direct light.
     pub direct: DirectArrays,
+    /// What the errors of a model follow from that was fitted to captures.
+    pub captured: Option<CapturedArrays>,
+}
+
+/// What the errors of a model follow from that was fitted to captures of `m` pixels.
+#[derive(Clone, Debug)]
+pub struct CapturedArrays {
+    /// The captured patterns, of the projector's pixels.
+    pub patterns: Vec<Vec<f64>>,
+    /// For each camera pixel: column and row of its home (NaN if unknown), level, and noise (4 rows of `m`).
+    pub pixels: Vec<Vec<f64>>,
+    /// Pairs of photo and camera pixel that were saturated.
+    pub missing: Vec<[u32; 2]>,
+    /// Whether there is a map from camera to projector.
+    pub has_homes: bool,
+    /// The scales of the prior, by name.
+    pub scales: BTreeMap<String, f64>,
 }
 
 /// The direct light of a channel.
@@ -99,6 +117,17 @@ struct Version {
 struct ChannelRecord {
     photos: usize,
     direct: DirectRecord,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    captured: Option<CapturedRecord>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CapturedRecord {
+    photos: usize,
+    missing: usize,
+    has_homes: bool,
+    scales: BTreeMap<String, f64>,
 }
 
 #[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -137,7 +166,9 @@ impl ModelArrays {
             folder.join(name)
         };
         let mut channels = Vec::new();
-        for (channel, ChannelArrays { patterns, photos, direct }) in self.channels.iter().enumerate() {
+        for (channel, ChannelArrays { patterns, photos, direct, captured }) in
+            self.channels.iter().enumerate()
+        {
             let shape = |size: Resolution| [patterns.len(), size.height, size.width];
             let file = path(format!("patterns-{channel}.npy"));
             npy::write_npy(&file, &shape(self.projector), &patterns.concat())?;
@@ -155,7 +186,10 @@ impl ModelArrays {
                     DirectRecord::Image
                 }
             };
-            channels.push(ChannelRecord { photos: patterns.len(), direct: kind });
+            let sizes = [self.projector, self.resolution];
+            let captured =
+                captured.as_ref().map(|captured| captured.write(channel, sizes, &mut path)).transpose()?;
+            channels.push(ChannelRecord { photos: patterns.len(), direct: kind, captured });
         }
         npy::write_image(&path("ambient.npy".into()), &self.ambient)?;
         let mut files = BTreeMap::new();
@@ -213,6 +247,15 @@ impl ModelArrays {
                     DirectRecord::Image => DirectArrays::Image(numbers(&direct("npy")?, &[height, width])?),
                     DirectRecord::Matrix => DirectArrays::Matrix(sparse::read(&direct("npz")?)?),
                 },
+                captured: match &of.captured {
+                    None => None,
+                    Some(captured) => {
+                        let sizes = [record.projector, record.resolution];
+                        Some(CapturedArrays::read(captured, sizes, |name| {
+                            whole(format!("{name}-{channel}.npy"))
+                        })?)
+                    }
+                },
             });
         }
         let ambient = npy::read_image(&whole("ambient.npy".into())?)?;
@@ -225,6 +268,62 @@ impl ModelArrays {
             return Err(unusable(&path, "its sizes contradict each other".into()));
         }
         Ok(Self { channels, ambient, resolution, projector, unit, source, symmetric })
+    }
+}
+
+impl CapturedArrays {
+    fn write(
+        &self,
+        channel: usize,
+        [projector, camera]: [Resolution; 2],
+        path: &mut impl FnMut(String) -> PathBuf,
+    ) -> Result<CapturedRecord> {
+        let mut array = |name: &str, shape: &[usize], values: &[f64]| {
+            npy::write_npy(&path(format!("{name}-{channel}.npy")), shape, values)
+        };
+        let shape = |count: usize, size: Resolution| [count, size.height, size.width];
+        array("captured", &shape(self.patterns.len(), projector), &self.patterns.concat())?;
+        array("pixels", &shape(self.pixels.len(), camera), &self.pixels.concat())?;
+        let missing: Vec<f64> = self.missing.as_flattened().iter().copied().map(f64::from).collect();
+        array("missing", &[self.missing.len(), 2], &missing)?;
+        Ok(CapturedRecord {
+            photos: self.patterns.len(),
+            missing: self.missing.len(),
+            has_homes: self.has_homes,
+            scales: self.scales.clone(),
+        })
+    }
+
+    fn read(
+        record: &CapturedRecord,
+        [projector, camera]: [Resolution; 2],
+        path: impl Fn(&str) -> Result<PathBuf>,
+    ) -> Result<Self> {
+        let rows = |values: Vec<f64>, size: Resolution| {
+            values.chunks(size.pixels().max(1)).map(<[f64]>::to_vec).collect::<Vec<_>>()
+        };
+        let patterns = numbers(&path("captured")?, &[record.photos, projector.height, projector.width])?;
+        let pixels = npy::read_npy(&path("pixels")?)?;
+        if pixels.shape != [4, camera.height, camera.width] {
+            return Err(unusable(&path("pixels")?, "its shape is not that of four pictures".into()));
+        }
+        let file = path("missing")?;
+        let missing = numbers(&file, &[record.missing, 2])?;
+        let missing = missing.as_chunks::<2>().0.iter().map(|pair| pair.map(|index| index as u32));
+        let missing: Vec<[u32; 2]> = missing.collect();
+        let is_in = |[photo, pixel]: &[u32; 2]| {
+            (*photo as usize) < record.photos && (*pixel as usize) < camera.pixels()
+        };
+        if !missing.iter().all(is_in) {
+            return Err(unusable(&file, "it names photos or pixels that do not exist".into()));
+        }
+        Ok(Self {
+            patterns: rows(patterns, projector),
+            pixels: rows(pixels.values, camera),
+            missing,
+            has_homes: record.has_homes,
+            scales: record.scales.clone(),
+        })
     }
 }
 
@@ -308,6 +407,7 @@ mod tests {
             patterns: vec![vec![1.0, 2.0]],
             photos: vec![vec![3.0, 4.0]],
             direct: DirectArrays::None,
+            captured: None,
         };
         let mut model = of_channels(vec![channel], resolution);
         model.write(folder.path())?;
@@ -327,8 +427,12 @@ mod tests {
         let matrix = Csr::new(4, vec![0, 1, 2, 3, 4], vec![0, 2, 1, 3], vec![0.5; 4])?;
         let direct =
             [DirectArrays::Matrix(matrix), DirectArrays::Image(values(0.1).concat()), DirectArrays::None];
-        let channels =
-            direct.map(|direct| ChannelArrays { patterns: values(0.2), photos: values(0.3), direct });
+        let channels = direct.map(|direct| ChannelArrays {
+            patterns: values(0.2),
+            photos: values(0.3),
+            direct,
+            captured: None,
+        });
         let model = of_channels(channels.into(), resolution);
         let names = model.write(folder.path())?;
         let whole = format!("{:?}", ModelArrays::read(folder.path())?);

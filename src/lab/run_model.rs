@@ -1,10 +1,12 @@
 //! Models of light transport, made from the photos of a run.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::layout::journal_folder;
 use super::source::{RunPhotos, RunSource, Source};
 use super::{Lab, Log, SharedObserver};
+use crate::analysis::captures::CapturedLight;
 use crate::analysis::low_rank::{SavedModel, estimated_direct, from_products};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -53,10 +55,18 @@ impl Lab {
         matches!(self.source, Source::Model(_) | Source::Run(_))
     }
 
+    /// The captures and their fit, if the source is a folder of captures.
+    pub fn captured(&self) -> Option<&Arc<CapturedLight>> {
+        match &self.source {
+            Source::Model(source) => source.captured.as_ref(),
+            _ => None,
+        }
+    }
+
     /// Whether the run that is the source saved a model.
     pub fn has_saved_model(&self) -> bool {
         match &self.source {
-            Source::Model(_) => true,
+            Source::Model(source) => source.captured.is_none(),
             Source::Run(run) => model::is_in(&run.folder),
             _ => false,
         }

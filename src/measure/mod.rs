@@ -26,7 +26,9 @@
 //! `linear DN / gain + read_noise² + 1/12`.
 
 mod calibration;
+
 mod calibration_file;
+mod captures;
 mod direct;
 mod direct_fit;
 pub(crate) mod display;
@@ -51,6 +53,7 @@ mod signed;
 pub(crate) mod spread;
 
 pub use calibration::{Calibration, CameraResponse, FlatField, Registration, Stability};
+pub use captures::{CaptureMap, Captures, is_captures};
 pub use direct::{checkerboard, code_patterns};
 pub use display::{bit_plane_amplification, bit_plane_weights};
 #[cfg(test)]

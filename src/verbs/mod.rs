@@ -8,6 +8,7 @@
 pub mod audit;
 pub mod compensate;
 pub mod eigs;
+pub mod import;
 pub mod matrix;
 pub mod options;
 pub mod pattern;
@@ -33,6 +34,7 @@ use crate::lab::{Answer, ChannelChoice, GivenArray, Lab, Verb};
 pub use audit::Audit;
 pub use compensate::{Compensate, Compensated};
 pub use eigs::{Eigs, Spectrum};
+pub use import::{Import, Imported};
 pub use options::{Parameter, from_json, signature};
 pub use plan::Plan;
 pub use probe::{Probe, ProbedLight};
@@ -51,6 +53,7 @@ pub const VERBS: &[Declared] = &[
     Declared::of::<Eigs>(),
     Declared::of::<Audit>(),
     Declared::of::<Solve>(),
+    Declared::of::<Import>(),
 ];
 
 /// A request that is declared once, for the command line and for keyword arguments.

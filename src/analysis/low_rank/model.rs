@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::analysis::captures::Posterior;
 use crate::error::{Error, Result};
 use crate::krylov::{dot, norm};
 use crate::operator::{Adjoint, Operator, Symmetry};
@@ -15,6 +16,7 @@ pub struct LowRank {
     direct: Vec<f64>,
     spread: Option<Arc<[Csr; 2]>>,
     symmetric: bool,
+    posterior: Option<Posterior>,
 }
 
 impl LowRank {
@@ -39,7 +41,7 @@ impl LowRank {
         if !direct.is_empty() && !basis.is_empty() {
             Error::check_size("pixels of the direct image", n, direct.len())?;
         }
-        Ok(Self { basis, photos, direct, spread: None, symmetric })
+        Ok(Self { basis, photos, direct, spread: None, symmetric, posterior: None })
     }
 
     /// Replaces the direct part by a matrix that is not a diagonal, for an open lens or for a projector at another position than the
@@ -51,6 +53,17 @@ impl LowRank {
         Error::check_size(what, format!("{m}x{n}"), found)?;
         let transposed = direct.transposed();
         Ok(Self { direct: Vec::new(), spread: Some(Arc::new([direct, transposed])), ..self })
+    }
+
+    /// Adds the errors of a model that was fitted to captures. They replace the estimate from the newest photos.
+    #[must_use]
+    pub fn with_posterior(self, posterior: Posterior) -> Self {
+        Self { posterior: Some(posterior), ..self }
+    }
+
+    /// The errors of a model that was fitted to captures.
+    pub fn posterior(&self) -> Option<&Posterior> {
+        self.posterior.as_ref()
     }
 
     /// The model without direct light, `G_k`.
@@ -102,6 +115,7 @@ impl LowRank {
             direct: self.direct.clone(),
             spread: self.spread.clone(),
             symmetric: self.symmetric,
+            posterior: self.posterior.clone(),
         }
     }
 
@@ -227,8 +241,12 @@ impl LowRank {
     /// The expected norm of the error of a product with `x` (`n` values), in the unit of the photos. It is the norm of the part of `x`
     /// outside the span of the captured patterns, times the light that a new direction sends. A Krylov process finds directions that send
     /// much light first, so the last quarter of its photos shows how much light the next directions send. Random patterns outside the span
-    /// send less. The noise of the photos is not included.
+    /// send less. The noise of the photos is not included. A model that was fitted to captures states its own errors instead, in which the
+    /// noise of the captures is included.
     pub fn error_of_rank(&self, x: &[f64]) -> f64 {
+        if let Some(posterior) = &self.posterior {
+            return norm(&posterior.errors(x));
+        }
         let photos = self.photos();
         let newest = &photos[photos.len() - photos.len().div_ceil(LAST)..];
         let sent: f64 = newest.iter().map(|photo| dot(photo, photo)).sum();
@@ -238,6 +256,14 @@ impl LowRank {
             add(&mut rest, -share, vector);
         }
         norm(&rest) * (sent / newest.len().max(1) as f64).sqrt()
+    }
+
+    /// The standard error of each value of a product with `x` (`m`): from the captures, or else [`Self::error_of_rank`], spread evenly.
+    pub fn errors(&self, x: &[f64]) -> Vec<f64> {
+        match &self.posterior {
+            Some(posterior) => posterior.errors(x),
+            None => vec![self.error_of_rank(x) / (self.rows().max(1) as f64).sqrt(); self.rows()],
+        }
     }
 }
 

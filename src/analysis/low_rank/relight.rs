@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::{LowRank, cancel_interreflections};
+use crate::analysis::captures::{Posterior, PosteriorState};
 use crate::analysis::planes::{Planes, norm, relative_error};
 use crate::error::{Error, Result};
 use crate::finding::Ratio;
@@ -216,6 +217,7 @@ impl SavedModel {
                 (None, []) => DirectArrays::None,
                 (None, direct) => DirectArrays::Image(direct.to_vec()),
             },
+            captured: model.posterior().map(|posterior| posterior.state().arrays()),
         });
         let arrays = ModelArrays {
             channels: channels.collect(),
@@ -234,14 +236,19 @@ impl SavedModel {
         let ModelArrays { channels, ambient, resolution, projector, unit, source, symmetric } =
             ModelArrays::read(run)?;
         let model = |arrays: ChannelArrays| {
-            let ChannelArrays { patterns, photos, direct } = arrays;
-            match direct {
+            let ChannelArrays { patterns, photos, direct, captured } = arrays;
+            let model = match direct {
                 DirectArrays::None => LowRank::new(patterns, photos, Vec::new(), symmetric),
                 DirectArrays::Image(direct) => LowRank::new(patterns, photos, direct, symmetric),
                 DirectArrays::Matrix(direct) => {
                     LowRank::new(patterns, photos, Vec::new(), symmetric)?.with_direct_matrix(direct)
                 }
-            }
+            }?;
+            let Some(captured) = captured else { return Ok(model) };
+            let state = PosteriorState::from_arrays(captured, projector).ok_or_else(|| {
+                Error::data(run, "the record of its model names other scales than this program knows")
+            })?;
+            Ok(model.with_posterior(Posterior::of(state)?))
         };
         let channels = channels.into_iter().map(model).collect::<Result<_>>()?;
         Ok(Self { channels, ambient, resolution, projector, unit, source })

@@ -22,8 +22,8 @@ pub(super) struct Stored {
     pub channels: usize,
     /// Interleaved. Those of integers are scaled to \[0,1\].
     pub samples: Vec<f32>,
-    /// Whether the format keeps linear values.
-    pub linear: bool,
+    /// The highest level of integers, for example 255. `None` for floating-point numbers, which are linear.
+    pub levels: Option<f32>,
     pub metadata: Metadata,
 }
 
@@ -43,8 +43,9 @@ impl Stored {
             samples = pixels().flat_map(|pixel| &pixel[..colors]).copied().collect();
         }
         require_square(self.metadata.pixel_aspect)?;
-        let curve = curve(&self.metadata, self.linear, colors == 3)?;
-        if !self.linear {
+        let linear = self.levels.is_none();
+        let curve = curve(&self.metadata, linear, colors == 3)?;
+        if !linear {
             samples.iter_mut().for_each(|sample| *sample = curve.at(*sample));
         } else if !curve.is_linear() {
             return Err("it has floating-point values and a colour profile that is not linear".into());

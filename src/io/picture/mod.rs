@@ -171,6 +171,35 @@ fn size(path: &Path) -> Result<Option<Resolution>> {
 
 /// Reads a picture in any format but `.npy` and `.exr`. The pattern has one channel if the file is gray, and three channels otherwise.
 fn read_stored(path: &Path) -> Result<Image> {
+    stored(path)?.shown().map_err(|fault| unusable(path, fault))
+}
+
+/// Reads the numbers in a file as a camera or a script has stored them: no curve, no profile and no orientation is applied. Integers are
+/// levels from 0. The second value is the highest level that the format can hold; `None` for floating-point numbers and `.npy` files.
+///
+/// # Errors
+/// As [`read`], but for what the file states about its curve. NaN and infinite values are refused.
+pub fn read_levels(path: &Path) -> Result<(Image, Option<f32>)> {
+    let (image, levels) = match kind(path) {
+        Some(PictureFormat::Npy) => (npy::read_image(path)?, None),
+        Some(PictureFormat::Exr) => (exr::read_exr(path, None)?, None),
+        Some(PictureFormat::Png | PictureFormat::Other) => {
+            let Stored { resolution, channels, samples, levels, .. } = stored(path)?;
+            let full = levels.unwrap_or(1.0);
+            // Levels of up to 16 bits are whole numbers again, since their quotients are rounded to 24 bits.
+            let level = |sample: f32| if levels.is_some() { (sample * full).round() } else { sample };
+            let colors = if channels >= 3 { 3 } else { 1 };
+            let pixels = samples.chunks_exact(channels);
+            let samples = pixels.flat_map(|pixel| pixel[..colors].iter().map(|sample| level(*sample)));
+            (Image::new(resolution, colors, samples.collect())?, levels)
+        }
+        None => return Err(unknown(path)),
+    };
+    require_finite(path, &image)?;
+    Ok((image, levels))
+}
+
+fn stored(path: &Path) -> Result<Stored> {
     let bytes = file::read(path)?;
     let samples = max_bytes() / 2;
     let stored = if let Some(format) = format(&bytes) {
@@ -186,7 +215,7 @@ fn read_stored(path: &Path) -> Result<Image> {
     } else {
         Err("its content is none of the formats of pictures that can be read".into())
     };
-    stored.and_then(Stored::shown).map_err(|fault| unusable(path, fault))
+    stored.map_err(|fault| unusable(path, fault))
 }
 
 fn decoded(format: Format, bytes: &[u8]) -> std::result::Result<Stored, String> {
@@ -194,9 +223,9 @@ fn decoded(format: Format, bytes: &[u8]) -> std::result::Result<Stored, String> 
     let picture = format.decode(bytes, max_bytes())?;
     let (channels, resolution) =
         (picture.channels, Resolution::new(picture.width as usize, picture.height as usize));
-    let full = f32::from(u16::MAX);
+    let (full, levels) = (f32::from(u16::MAX), if picture.is_eight_bits() { 255.0 } else { 65535.0 });
     let samples = picture.into_sixteen_bits().into_iter().map(|sample| f32::from(sample) / full).collect();
-    Ok(Stored { resolution, channels, samples, linear: false, metadata })
+    Ok(Stored { resolution, channels, samples, levels: Some(levels), metadata })
 }
 
 fn unusable(path: &Path, fault: String) -> Error {

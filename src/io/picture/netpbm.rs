@@ -52,7 +52,13 @@ pub(super) fn read(bytes: &[u8], max_samples: usize) -> Result<Stored, String> {
         }
         levels.into_iter().map(|level| f32::from(level) / scale).collect()
     };
-    Ok(Stored { resolution: Resolution::new(width, height), channels, samples, linear, metadata })
+    Ok(Stored {
+        resolution: Resolution::new(width, height),
+        channels,
+        samples,
+        levels: (!linear).then_some(scale),
+        metadata,
+    })
 }
 
 /// The next word, without comments, and with the one white space that ends it.

@@ -27,7 +27,7 @@ pub(super) fn read(bytes: &[u8], max_samples: usize) -> Result<Stored, String> {
             samples.extend((0..3).map(|channel| (light[channel] / divisors[channel]) as f32));
         }
     }
-    Ok(Stored { resolution, channels: 3, samples, linear: true, metadata })
+    Ok(Stored { resolution, channels: 3, samples, levels: None, metadata })
 }
 
 /// The factor by which each channel was multiplied, and the other statements of the lines up to the empty one.

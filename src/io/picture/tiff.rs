@@ -51,12 +51,12 @@ mod reader {
         let metadata = metadata(&mut file)?;
         let mut stored = DecodingResult::U8(Vec::new());
         let layout = file.read_image_to_buffer(&mut stored).map_err(message)?;
-        let (mut samples, linear) = match stored {
-            DecodingResult::U8(levels) => (divided(levels, 255.0), false),
-            DecodingResult::U16(levels) => (divided(levels, 65535.0), false),
-            DecodingResult::F16(values) => (divided(values, 1.0), true),
-            DecodingResult::F32(values) => (values, true),
-            DecodingResult::F64(values) => (values.into_iter().map(|value| value as f32).collect(), true),
+        let (mut samples, levels) = match stored {
+            DecodingResult::U8(levels) => (divided(levels, 255.0), Some(255.0)),
+            DecodingResult::U16(levels) => (divided(levels, 65535.0), Some(65535.0)),
+            DecodingResult::F16(values) => (divided(values, 1.0), None),
+            DecodingResult::F32(values) => (values, None),
+            DecodingResult::F64(values) => (values.into_iter().map(|value| value as f32).collect(), None),
             _ => return Err("its samples are signed, or integers of more than 16 bits".into()),
         };
         if samples.len() != resolution.pixels() * channels {
@@ -67,7 +67,7 @@ mod reader {
             samples = (0..pixels).flat_map(|at| samples[at..].iter().step_by(pixels).copied()).collect();
         }
         require_single(&mut file)?;
-        Ok(Stored { resolution, channels, samples, linear, metadata })
+        Ok(Stored { resolution, channels, samples, levels, metadata })
     }
 
     fn divided<T: Into<f32>>(samples: Vec<T>, by: f32) -> Vec<f32> {

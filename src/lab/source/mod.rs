@@ -19,7 +19,7 @@ use crate::lab::layout::{journal_folder, short_name};
 use crate::lab::notes::{Kind, SourceNote};
 use crate::lab::settings::{ChannelChoice, Settings};
 use crate::lab::{SharedObserver, Truth};
-use crate::measure::RunManifest;
+use crate::measure::{RunManifest, is_captures};
 use crate::transport::Channels;
 pub(in crate::lab) use matrix::{ExplicitParts, MatrixSource};
 pub(in crate::lab) use model::{ModelParts, ModelSource};
@@ -35,7 +35,7 @@ pub(in crate::lab) enum Source {
     Rig(Box<RigSource>),
     /// The folder of a run with a journal.
     Run(Box<RunSource>),
-    /// The folder of a run that left a model but no journal.
+    /// The folder of a run that left a model but no journal, or captures of others, from which a model is made.
     Model(Box<ModelSource>),
     Matrix(MatrixSource),
 }
@@ -47,7 +47,7 @@ pub enum SourceKind {
     Scene,
     /// A rig file: `.toml`.
     Rig,
-    /// The folder of an earlier run.
+    /// The folder of an earlier run, or of captures.
     Run,
     /// A matrix: `.npz`, `.npy`, `.mtx`, `.mtx.gz` or `.mat`.
     Matrix,
@@ -88,6 +88,9 @@ impl Source {
                 observer,
             )?),
             SourceKind::Rig => Self::Rig(Box::new(RigSource::open(path, program, settings, observer)?)),
+            SourceKind::Run if is_captures(path) => {
+                Self::Model(Box::new(ModelSource::of_captures(path, settings.channels, observer)?))
+            }
             SourceKind::Run if saved_model::is_in(path) && !Journal::is_in(&journal_folder(path)) => {
                 Self::Model(Box::new(ModelSource::open(path)?))
             }

@@ -1,36 +1,67 @@
 //! Models of light transport as sources.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::analysis::LowRank;
+use crate::analysis::captures::{CapturedLight, fit_captures};
 use crate::analysis::low_rank::SavedModel;
 use crate::error::Result;
 use crate::finding::Finding;
 use crate::image::Image;
 use crate::io::{manifest, model};
 use crate::lab::layout::RECORD;
-use crate::measure::RunManifest;
+use crate::lab::settings::ChannelChoice;
+use crate::lab::{Log, SharedObserver};
+use crate::measure::{Captures, RunManifest};
 use crate::operator::{Adjoint, Operator, delegate};
 use crate::sparse::{Csr, SparseOperator};
 use crate::transport::Part;
 
-/// The folder of a run that left a model but no journal.
+/// The folder of a run that left a model but no journal, or of captures.
 pub(in crate::lab) struct ModelSource {
     pub(in crate::lab) model: SavedModel,
     pub(in crate::lab) folder: PathBuf,
     /// The findings about the rig from the photos of the run.
     pub(in crate::lab) findings: Vec<Finding>,
+    /// The captures and their fit, if the folder has captures.
+    pub(in crate::lab) captured: Option<Arc<CapturedLight>>,
 }
 
 impl ModelSource {
     pub(in crate::lab) fn open(folder: &Path) -> Result<Self> {
         let record = RunManifest::read(&folder.join(RECORD)).ok().and_then(|record| record.rig);
         let findings = record.map_or(Vec::new(), |rig| rig.findings);
-        Ok(Self { model: SavedModel::read(folder)?, folder: folder.to_path_buf(), findings })
+        Ok(Self { model: SavedModel::read(folder)?, folder: folder.to_path_buf(), findings, captured: None })
+    }
+
+    /// Reads a folder of captures, and fits a model to them. Fails as [`Captures::read`] and [`fit_captures`].
+    pub(in crate::lab) fn of_captures(
+        folder: &Path,
+        channels: ChannelChoice,
+        observer: &SharedObserver,
+    ) -> Result<Self> {
+        let captures = Captures::read(folder)?;
+        observer.note(format_args!(
+            "captures  {} photos of {} pixels, patterns of {}",
+            captures.photos.len(),
+            captures.ambient.resolution(),
+            captures.patterns[0].resolution()
+        ));
+        let light = Arc::new(fit_captures(captures, channels == ChannelChoice::Luma)?);
+        Ok(Self {
+            model: light.model.clone(),
+            folder: folder.to_path_buf(),
+            findings: light.captures.findings.clone(),
+            captured: Some(light),
+        })
     }
 
     pub(in crate::lab) fn describe(&self, manifest: &mut RunManifest) {
-        let path = model::record_path(&self.folder);
+        let path = match &self.captured {
+            Some(light) => light.captures.path.clone(),
+            None => model::record_path(&self.folder),
+        };
         // The record was readable when the source was opened.
         let hash = crate::file::read(&path).map(|bytes| blake3::hash(&bytes).to_hex().to_string());
         manifest.scene = Some(manifest::SourceFile { path: (&path).into(), hash: hash.unwrap_or_default() });
@@ -68,11 +99,10 @@ impl ModelParts {
         ModelOperator { operator, captured, errors: Vec::new() }
     }
 
-    /// The standard errors of a photo's samples due to the limited rank of the model, spread evenly over the pixels.
+    /// The standard errors of a photo's samples due to what the captured photos leave open.
     pub(in crate::lab) fn errors(&self, pattern: &Image) -> Result<Image> {
         let plane = |(channel, model): (usize, &LowRank)| {
-            let error = model.error_of_rank(&pattern.plane(channel.min(pattern.channels() - 1)));
-            vec![error / (model.rows().max(1) as f64).sqrt(); model.rows()]
+            model.errors(&pattern.plane(channel.min(pattern.channels() - 1)))
         };
         let planes: Vec<Vec<f64>> = self.model.channels.iter().enumerate().map(plane).collect();
         Image::from_planes(self.model.resolution, &planes)
