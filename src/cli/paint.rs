@@ -118,10 +118,10 @@ fn kept(args: &EmbedArgs, canvas: &mut Canvas<'_>, console: &Console) -> Result<
         return Ok(Kept::default());
     }
     let light = if canvas.lights().contains(&Light::Global) { Light::Global } else { Light::All };
-    let mut ask = |question, is_requested: bool| match canvas.answer(&question) {
+    let mut ask = |what, question, is_requested: bool| match canvas.answer(&question) {
         Err(why) if !is_requested => {
             console.go_on()?;
-            console.note(format_args!("note: the page has less to show than others: {why}"));
+            console.note(format_args!("note: the page shows no {what}: {why}"));
             Ok(None)
         }
         answer => answer.map(Some),
@@ -129,8 +129,8 @@ fn kept(args: &EmbedArgs, canvas: &mut Canvas<'_>, console: &Console) -> Result<
     let groups = PageQuestion::Groups { groups: args.groups.clone() };
     let eigenvectors = PageQuestion::Eigenvectors { light, count: args.eigenvectors.unwrap_or(8) };
     Ok(Kept {
-        groups: ask(groups, !args.groups.is_empty())?,
-        eigenvectors: ask(eigenvectors, args.eigenvectors.is_some())?,
+        groups: ask("groups", groups, !args.groups.is_empty())?,
+        eigenvectors: ask("eigenvectors", eigenvectors, args.eigenvectors.is_some())?,
     })
 }
 
