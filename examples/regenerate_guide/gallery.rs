@@ -13,7 +13,7 @@ use crate::panels;
 pub const PAGE: &str = "guide/src/gallery.md";
 
 /// Pictures are enlarged until each has about this many pixels along a side.
-const SIDE: usize = 256;
+const SIDE: usize = 512;
 
 /// Commands, and the pictures that they leave.
 struct Entry {
@@ -160,8 +160,7 @@ pub fn pictures(folder: &Path) -> Result<()> {
     for entry in &ENTRIES {
         let read = |name: &&str| read(&at("out/gallery").join(name));
         let pictures: Vec<Raster> = entry.pictures.iter().map(read).collect::<Result<_>>()?;
-        let widest = pictures.iter().map(|picture| picture.resolution().width).max().unwrap_or(1);
-        let picture = panels::grid(&[pictures.as_slice()], (SIDE / widest).max(1));
+        let picture = panels::grid(&[pictures.as_slice()], 1);
         picture.write_png(&folder.join(format!("gallery-{}.png", entry.name)))?;
     }
     Ok(())
@@ -172,5 +171,5 @@ fn read(path: &Path) -> Result<Raster> {
         .map_err(|error| Error::data(path, error.to_string()).help("run it by hand"))?
         .to_rgb8();
     let size = Resolution::new(picture.width() as usize, picture.height() as usize);
-    Ok(Raster::from_pixels(size, picture.pixels().map(|pixel| pixel.0)))
+    Ok(Raster::from_pixels(size, picture.pixels().map(|pixel| pixel.0)).enlarged(SIDE / size.width))
 }

@@ -1,4 +1,4 @@
-"""How answers look in a notebook: pictures without any plotting library."""
+"""How answers look: in a notebook, without any plotting library, as the text of a part; and drawn by Matplotlib."""
 
 import base64
 import html
@@ -29,10 +29,10 @@ def png(pixels):
 
 
 def light(values):
-    """``uint8[H, W, 3]`` of radiance; the brightest hundredth of it is white, the curve is that of sRGB."""
+    """``uint8[H, W, 3]`` of radiance; the brightest hundredth of it is white, or its median half of white; the curve is that of sRGB."""
     values = np.asarray(values, dtype=np.float64)
     values = values if values.ndim == 3 else values[..., None].repeat(3, 2)
-    bright = np.quantile(values, 0.99) or 1.0
+    bright = max(np.quantile(values, 0.99), 2 * np.median(values)) or 1.0
     scaled = np.clip(values / bright, 0, 1)
     curve = np.where(scaled <= 0.0031308, 12.92 * scaled, 1.055 * scaled ** (1 / 2.4) - 0.055)
     return (255 * curve + 0.5).astype(np.uint8)
@@ -61,38 +61,95 @@ def _figure(content, caption):
             f"<figcaption>{html.escape(caption)}</figcaption></figure>")
 
 
-def image(pixels, caption):
-    """An HTML figure."""
-    data = base64.b64encode(png(pixels)).decode()
-    return _figure(f'<img style="image-rendering:pixelated" src="data:image/png;base64,{data}"/>', caption)
+class Picture:
+    """Pixels ``uint8[H, W, 3]`` with a caption."""
+
+    def __init__(self, pixels, caption):
+        self._pixels, self._caption = pixels, caption
+
+    def __str__(self):
+        data = base64.b64encode(png(self._pixels)).decode()
+        return _figure(f'<img style="image-rendering:pixelated" src="data:image/png;base64,{data}"/>', self._caption)
+
+    def draw(self, axes):
+        axes.imshow(self._pixels, interpolation="nearest")
+        axes.set(title=self._caption, xticks=(), yticks=())
 
 
-def spectrum(values, residuals):
-    """An HTML figure of eigenvalues as bars, whose tips are as wide as the residuals."""
-    values, residuals = np.asarray(values, float), np.asarray(residuals, float)
-    if not len(values):
+class Spectrum:
+    """Eigenvalues as bars, whose tips are as wide as the residuals."""
+
+    def __init__(self, values, residuals):
+        self._values, self._residuals = np.asarray(values, float), np.asarray(residuals, float)
+
+    def __str__(self):
+        if not len(self._values):
+            return ""
+        top = max(float(np.max(np.abs(self._values))), 1e-300)
+        bars = []
+        for index, (value, residual) in enumerate(zip(self._values, self._residuals)):
+            height = max(1.0, 90 * abs(value) / top)
+            spread = min(90.0, 90 * residual / top)
+            bars.append(
+                f'<rect x="{8 + 16 * index}" y="{100 - height:.1f}" width="10" height="{height:.1f}" fill="#4477aa"/>'
+                f'<line x1="{13 + 16 * index}" x2="{13 + 16 * index}" y1="{100 - height - spread:.1f}" '
+                f'y2="{100 - height + spread:.1f}" stroke="#bb5566" stroke-width="2"/>'
+            )
+        drawn = f'<svg width="{16 * len(bars) + 16}" height="104">{"".join(bars)}</svg>'
+        return _figure(drawn, f"{len(bars)} eigenvalues, the largest {top:.4g}")
+
+    def draw(self, axes):
+        axes.bar(np.arange(1, len(self._values) + 1), self._values, yerr=self._residuals)
+        axes.set(title="spectrum", xlabel="number", ylabel="value")
+
+
+class Curve:
+    """A residual after each product; a notebook says it in words."""
+
+    def __init__(self, residuals):
+        self._residuals = residuals
+
+    def __str__(self):
         return ""
-    top = max(float(np.max(np.abs(values))), 1e-300)
-    bars = []
-    for index, (value, residual) in enumerate(zip(values, residuals)):
-        height = max(1.0, 90 * abs(value) / top)
-        spread = min(90.0, 90 * residual / top)
-        bars.append(
-            f'<rect x="{8 + 16 * index}" y="{100 - height:.1f}" width="10" height="{height:.1f}" fill="#4477aa"/>'
-            f'<line x1="{13 + 16 * index}" x2="{13 + 16 * index}" y1="{100 - height - spread:.1f}" '
-            f'y2="{100 - height + spread:.1f}" stroke="#bb5566" stroke-width="2"/>'
-        )
-    drawn = f'<svg width="{16 * len(values) + 16}" height="104">{"".join(bars)}</svg>'
-    return _figure(drawn, f"{len(values)} eigenvalues, the largest {top:.4g}")
+
+    def draw(self, axes):
+        axes.semilogy(np.arange(1, len(self._residuals) + 1), self._residuals)
+        axes.set(xlabel="products", ylabel="relative residual")
 
 
-def table(rows, head=()):
-    """An HTML table of cells."""
-    lines = ["".join(f"<th>{html.escape(cell)}</th>" for cell in head)] if head else []
-    lines += ["".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) for row in rows]
-    return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
+class Table:
+    """Rows of cells, below the heads of their columns where there are such."""
+
+    def __init__(self, rows, head=()):
+        self._rows, self._head = [[str(cell) for cell in row] for row in rows], head
+
+    def __str__(self):
+        lines = ["".join(f"<th>{html.escape(cell)}</th>" for cell in self._head)] if self._head else []
+        lines += ["".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in self._rows]
+        return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
+
+    def draw(self, axes):
+        axes.axis("off")
+        axes.text(0, 1, "\n".join(": ".join(row) for row in self._rows), va="top", wrap=True)
 
 
-def page(title, sentence, *figures):
+def page(title, sentence, *parts):
     """HTML of an answer."""
-    return f"<div><b>{html.escape(title)}</b><br/>{html.escape(sentence)}<br/>{''.join(figures)}</div>"
+    return f"<div><b>{html.escape(title)}</b><br/>{html.escape(sentence)}<br/>{''.join(map(str, parts))}</div>"
+
+
+def plot(sentence, parts):
+    """A figure of Matplotlib with the parts side by side."""
+    try:
+        import matplotlib.pyplot as plt
+    except ImportError as error:
+        raise ImportError("plot() draws with Matplotlib, which is not installed\n  help: pip install matplotlib") from error
+    columns = max(1, min(4, len(parts)))
+    rows = max(1, -(-len(parts) // columns))
+    figure, axes = plt.subplots(rows, columns, figsize=(3.2 * columns, 3.2 * rows + 0.5), squeeze=False, layout="constrained")
+    for place in axes.flat[len(parts):]:
+        place.axis("off")
+    for place, part in zip(axes.flat, parts):
+        part.draw(place)
+    figure.suptitle(sentence, wrap=True)
+    return figure

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from . import _checks, _display, _krylux
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from .lab import Lab as _Lab
 
 _Floats = NDArray[np.float64]
@@ -121,9 +123,20 @@ class Answer:
         """What a notebook shows above the figures."""
         return self.status
 
-    def _figures(self) -> Iterable[str]:
-        """What a notebook shows below the sentence."""
+    def _figures(self) -> Iterable[Any]:
+        """What a notebook shows below the sentence, and what is plotted."""
         return ()
+
+    def plot(self) -> Figure:
+        """Draws the answer with Matplotlib: its pictures, and eigenvalues or residuals where it has such.
+
+        Returns: The figure, for ``savefig`` and for notebooks.
+
+        Raises:
+            ImportError: Matplotlib is not installed.
+        """
+        figure: Figure = _display.plot(self._sentence(), list(self._figures()))
+        return figure
 
     def _repr_html_(self) -> str:
         return _display.page(self._title or type(self).__name__, self._sentence(), *self._figures())
@@ -185,9 +198,12 @@ class Segmentation(Answer):
             self.features = {name: np.array(values) for name, values in self.features.items()}
             self.features["pixels"] = [tuple(pixel) for pixel in facts["features"]["pixels"]]
 
-    def _figures(self) -> Iterable[str]:
-        yield from (_display.image(_display.groups(labels), f"{count} groups") for count, labels in self.labels.items())
-        yield _display.spectrum(self.eigenvalues, self.residuals)
+    def _figures(self) -> Iterable[Any]:
+        yield from (_display.Picture(_display.groups(labels), f"{count} groups") for count, labels in self.labels.items())
+        yield _display.Spectrum(self.eigenvalues, self.residuals)
+        # The first eigenvector is the same at every pixel.
+        for vector, value in zip(self.eigenvectors[1:5], self.eigenvalues[1:5], strict=True):
+            yield _display.Picture(_display.signed(vector), f"{value:.4g}")
 
     def _repr_png_(self) -> bytes:
         return _display.png(_display.groups(next(iter(self.labels.values()))))
@@ -244,11 +260,11 @@ class Eigenpairs(Answer):
     def _sentence(self) -> str:
         return f"{self.status}; {self.completeness}"
 
-    def _figures(self) -> Iterable[str]:
-        yield _display.spectrum(self.values, self.residuals)
+    def _figures(self) -> Iterable[Any]:
+        yield _display.Spectrum(self.values, self.residuals)
         if self.shape is not None and min(self.shape) > 1:
             for index, value in enumerate(self.values[:8]):
-                yield _display.image(_display.signed(self.picture(index)), f"{value:.4g}")
+                yield _display.Picture(_display.signed(self.picture(index)), f"{value:.4g}")
 
 
 class SingularTriplets(Answer):
@@ -282,12 +298,12 @@ class SingularTriplets(Answer):
         "completeness": "completeness_in_words",
     }
 
-    def _figures(self) -> Iterable[str]:
-        yield _display.spectrum(self.values, self.residuals)
+    def _figures(self) -> Iterable[Any]:
+        yield _display.Spectrum(self.values, self.residuals)
         for name, stack in (("pattern", self.patterns), ("photo", self.photographs)):
             if min(stack.shape[1:]) > 1:
                 for picture, value in zip(stack[:4], self.values, strict=False):
-                    yield _display.image(_display.signed(picture), f"{name} of {value:.4g}")
+                    yield _display.Picture(_display.signed(picture), f"{name} of {value:.4g}")
 
 
 class Compensation(Answer):
@@ -342,11 +358,11 @@ class Compensation(Answer):
     def _sentence(self) -> str:
         return f"{self.photos} photos: {self.status}"
 
-    def _figures(self) -> Iterable[str]:
-        yield _display.image(_display.light(self.pattern), "pattern")
-        yield _display.image(_display.light(self.observed), f"observed: residual {self.residual:.4f}")
-        yield _display.image(_display.light(self.uncompensated), f"uncompensated: {self.uncompensated_residual:.4f}")
-        yield _display.image(_display.light(self.target), "target")
+    def _figures(self) -> Iterable[Any]:
+        yield _display.Picture(_display.light(self.pattern), "pattern")
+        yield _display.Picture(_display.light(self.observed), f"observed: residual {self.residual:.4f}")
+        yield _display.Picture(_display.light(self.uncompensated), f"uncompensated: {self.uncompensated_residual:.4f}")
+        yield _display.Picture(_display.light(self.target), "target")
 
     def _repr_png_(self) -> bytes:
         return _display.png(_display.light(self.pattern))
@@ -384,9 +400,9 @@ class Separation(Answer):
     good: bool
     _names = {"error": "relative_error", "near_noise": "near_indirect_noise", "near_error": "near_indirect_error"}
 
-    def _figures(self) -> Iterable[str]:
-        yield _display.image(_display.light(self.direct), "direct")
-        yield _display.image(_display.light(self.global_), "global")
+    def _figures(self) -> Iterable[Any]:
+        yield _display.Picture(_display.light(self.direct), "direct")
+        yield _display.Picture(_display.light(self.global_), "global")
 
 
 class Probing(Answer):
@@ -408,8 +424,8 @@ class Probing(Answer):
     error: float | None
     _names = {"paths": "name", "noise": "relative_standard_error", "error": "relative_error"}
 
-    def _figures(self) -> Iterable[str]:
-        yield _display.image(_display.light(self.values), self.paths)
+    def _figures(self) -> Iterable[Any]:
+        yield _display.Picture(_display.light(self.values), self.paths)
 
     def _repr_png_(self) -> bytes:
         return _display.png(_display.light(self.values))
@@ -453,8 +469,8 @@ class Relighting(Answer):
         self.ambient = arrays["ambient"]
         self.model = [(basis, arrays["basis_photos"][channel]) for channel, basis in arrays["basis"].items()]
 
-    def _figures(self) -> Iterable[str]:
-        return (_display.image(_display.light(picture), name) for name, picture in self.relit.items())
+    def _figures(self) -> Iterable[Any]:
+        return (_display.Picture(_display.light(picture), name) for name, picture in self.relit.items())
 
 
 class Audit(Answer):
@@ -472,8 +488,8 @@ class Audit(Answer):
     direct_share: _Floats | None = None
     additivity: _Floats | None = None
 
-    def _figures(self) -> Iterable[str]:
-        yield _display.table([check[cell] for cell in ("name", "grade", "found")] for check in self.checks)
+    def _figures(self) -> Iterable[Any]:
+        yield _display.Table([check[cell] for cell in ("name", "grade", "found")] for check in self.checks)
 
 
 class Imported(Answer):
@@ -518,6 +534,9 @@ class Solution(Answer):
         super().__init__(arrays, facts, *asked)
         self.residual = float(arrays["residual"])
 
+    def _figures(self) -> Iterable[Any]:
+        yield _display.Curve(self.history)
+
 
 class Plan:
     """The predicted cost and error of a verb on a rig: the answer of :meth:`krylux.Lab.plan`.
@@ -559,4 +578,4 @@ class Plan:
         costs = {"photos": self.photos, "patterns": self.patterns, "frames": self.frames, "seconds": self.seconds}
         rows = [[name, f"{of.mean():.4g}", f"{of.min():.4g}", f"{of.max():.4g}"]
                 for name, of in {**costs, **self.figures}.items() if len(of)]
-        return _display.page("Plan", repr(self).strip("<>"), _display.table(rows, ["", "mean", "least", "largest"]))
+        return _display.page("Plan", repr(self).strip("<>"), _display.Table(rows, ["", "mean", "least", "largest"]))

@@ -42,7 +42,7 @@ class Similarity:
 
     def _repr_html_(self) -> str:
         plane = self.difference if self.difference.ndim == 2 else self.difference.mean(2)
-        picture = _display.image(_display.signed(plane), "a − b: blue below, red above")
+        picture = _display.Picture(_display.signed(plane), "a − b: blue below, red above")
         return _display.page("Similarity", repr(self).strip("<>"), picture)
 
 

@@ -379,7 +379,7 @@ class Lab(Asking):
         figures = []
         # A rig's photos are dear: none is taken to look at it.
         if self.kind in ("scene", "run") and not self.is_closed:
-            figures.append(_display.image(_display.light(self.white), f"white photo, in {self.unit}"))
+            figures.append(_display.Picture(_display.light(self.white), f"white photo, in {self.unit}"))
         return _display.page(f"Laboratory {self.name}", repr(self).strip("<>"), *figures)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,11 +55,13 @@ class LabOperator(_LinearOperator):
         """The expected error ``‖y − A x‖₂`` of each product of the last call, ``float64[k]``; empty where it is not known."""
         return self._native.standard_errors()
 
-    def __matmul__(self, x: Any) -> Any:
-        # Most products are of plain vectors. SciPy would look at them several times on the way.
-        if type(x) is np.ndarray and x.ndim == 1 and x.dtype is _FLOAT64 and x.size == self.shape[1]:
-            return self._native.product(x, False)
-        return super().__matmul__(x)
+    # To type checkers, the product is that of SciPy's operators: float64 of arrays, and an operator of operators.
+    if not TYPE_CHECKING:
+        def __matmul__(self, x):
+            # Most products are of plain vectors. SciPy would look at them several times on the way.
+            if type(x) is np.ndarray and x.ndim == 1 and x.dtype is _FLOAT64 and x.size == self.shape[1]:
+                return self._native.product(x, False)
+            return super().__matmul__(x)
 
     def _matvec(self, x):
         return self._native.product(_vector(x, "x", self.shape[1]), False)

@@ -53,7 +53,7 @@ class Figure:
         return f"<{self.title} ({self.rig} rig): {'met' if self.met else 'not met'}, {self.photos} photos>"
 
     def _repr_html_(self) -> str:
-        pictures = [_display.image(_paint(panel), panel["caption"]) for panel in self.panels.values()]
+        pictures = [_display.Picture(_paint(panel), panel["caption"]) for panel in self.panels.values()]
         return _display.page(self.title, f"{self.statement} Here: {self.setting}", *pictures)
 
 

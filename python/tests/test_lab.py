@@ -3,6 +3,7 @@
 import gc
 import json
 import pickle
+import sys
 import weakref
 from pathlib import Path
 
@@ -303,6 +304,23 @@ def test_a_notebook_shows_labels_photos_and_spectra(zigzag):
     assert zigzag._repr_html_().count("data:image/png") == 1
     pairs = zigzag.eigs(2, part="global", photos=8)
     assert pairs._repr_html_().count("<img") == 2 and "<svg" in pairs._repr_html_()
+
+
+def test_answers_are_plotted_part_by_part(zigzag, monkeypatch):
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("agg")
+    found = zigzag.segment([2], photos=12)
+    figure = found.plot()
+    titles = [axes.get_title() for axes in figure.axes if axes.axison]
+    # Labels, the spectrum, and four eigenvectors.
+    assert titles[:2] == ["2 groups", "spectrum"] and len(titles) == 6
+    assert figure.get_suptitle() == found.status
+    assert len(zigzag.audit(2).plot().axes) == 1
+    residuals = krylux.krylov.solve(np.diag([1.0, 2.0]), np.ones(2)).plot().axes[0]
+    assert residuals.get_ylabel() == "relative residual"
+    monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
+    with pytest.raises(ImportError, match="pip install matplotlib"):
+        found.plot()
 
 
 def test_the_stub_describes_the_verbs_as_krylux_declares_them():

@@ -17,8 +17,6 @@ use crate::io::atomic;
 use crate::lab::{Lab, byte_count};
 use crate::paint::page::{EmbedOptions, Kept, Precision};
 use crate::paint::{Canvas, Light, PageQuestion};
-#[cfg(feature = "paint")]
-use crate::paint::{Ended, ServeOptions, Session, serve};
 
 /// Paint patterns in a browser, and see the photo while the pen moves
 ///
@@ -66,10 +64,10 @@ struct EmbedArgs {
     /// The largest file of -o; a matrix that takes more is thinned by chance so that every photo stays right on average, and the error is stated
     #[arg(long, value_name = "BYTES", default_value = "32M", value_parser = byte_count, requires = "file")]
     max_size: u64,
-    /// Numbers of groups that the file of -o shows
+    /// Numbers of groups that the file of -o shows [default: as many as the light shows]
     #[arg(long, value_name = "K,K,...", value_delimiter = ',', value_parser = count::<usize>, requires = "file")]
     groups: Vec<usize>,
-    /// Eigenvectors that the file of -o shows
+    /// Eigenvectors that the file of -o shows [default: 8]
     #[arg(long, value_name = "N", value_parser = count::<usize>, requires = "file")]
     eigenvectors: Option<usize>,
 }
@@ -94,7 +92,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
             let mut canvas = Canvas::new(&mut lab)?;
             write_page(&args.embed, file, &mut canvas, console)
         }
-        None => in_journal(&mut lab, &args.keep, "paint", |lab| serve_page(args, lab, console)),
+        None => in_journal(&mut lab, &args.keep, "paint", |lab| server::serve_page(args, lab, console)),
     }
 }
 
@@ -105,7 +103,7 @@ fn write_page(args: &EmbedArgs, file: &Path, canvas: &mut Canvas<'_>, console: &
             PrecisionArg::Single => Precision::Single,
         },
         max_bytes: usize::try_from(args.max_size).ok(),
-        kept: kept(args, canvas)?,
+        kept: kept(args, canvas, console)?,
     };
     let mut summary = embedded_page::write_with(file, canvas, &options, console)?;
     summary["verb"] = json!("paint");
@@ -113,65 +111,87 @@ fn write_page(args: &EmbedArgs, file: &Path, canvas: &mut Canvas<'_>, console: &
     Ok(Outcome::Done)
 }
 
-/// Answers that the file contains, so that it shows them without a request.
-fn kept(args: &EmbedArgs, canvas: &mut Canvas<'_>) -> Result<Kept> {
+/// Answers that the file contains, so that it shows them without a request. Answers that were not requested are left out if the source has
+/// none. Without a matrix, there will be no file.
+fn kept(args: &EmbedArgs, canvas: &mut Canvas<'_>, console: &Console) -> Result<Kept> {
+    if canvas.layers().is_empty() {
+        return Ok(Kept::default());
+    }
     let light = if canvas.lights().contains(&Light::Global) { Light::Global } else { Light::All };
-    let groups = (!args.groups.is_empty()).then(|| PageQuestion::Groups { groups: args.groups.clone() });
-    let eigenvectors = args.eigenvectors.map(|count| PageQuestion::Eigenvectors { light, count });
-    let mut ask =
-        |question: Option<PageQuestion>| question.map(|question| canvas.answer(&question)).transpose();
-    Ok(Kept { groups: ask(groups)?, eigenvectors: ask(eigenvectors)? })
+    let mut ask = |what, question, is_requested: bool| match canvas.answer(&question) {
+        Err(why) if !is_requested => {
+            console.go_on()?;
+            console.note(format_args!("note: the page shows no {what}: {why}"));
+            Ok(None)
+        }
+        answer => answer.map(Some),
+    };
+    let groups = PageQuestion::Groups { groups: args.groups.clone() };
+    let eigenvectors = PageQuestion::Eigenvectors { light, count: args.eigenvectors.unwrap_or(8) };
+    Ok(Kept {
+        groups: ask("groups", groups, !args.groups.is_empty())?,
+        eigenvectors: ask("eigenvectors", eigenvectors, args.eigenvectors.is_some())?,
+    })
 }
 
 #[cfg(feature = "paint")]
-fn serve_page(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
-    if !args.listen.ip().is_loopback() {
-        console.note(format_args!(
-            "warning: {} is no address of this machine alone: everyone who has the page's address can paint, and what is sent can be read on the way",
-            args.listen
-        ));
+mod server {
+    use super::*;
+    use crate::paint::{Ended, ServeOptions, Session, serve};
+
+    pub(super) fn serve_page(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
+        if !args.listen.ip().is_loopback() {
+            console.note(format_args!(
+                "warning: {} is no address of this machine alone: everyone who has the page's address can paint, and what is sent can be read on the way",
+                args.listen
+            ));
+        }
+        let mut session = Session::new(Canvas::new(lab)?)?;
+        let idle = args.idle.map(|minutes| std::time::Duration::from_secs_f64(60.0 * minutes));
+        let options = ServeOptions { listen: args.listen, idle };
+        let mut said = Ok(());
+        let ready = |url: &str| said = say_address(url, args, console);
+        let notes = console.clone();
+        let ended = serve(
+            &mut session,
+            &options,
+            ready,
+            || console.check(),
+            std::sync::Arc::new(move |line| notes.note(line)),
+        )?;
+        said?;
+        let photos = session.photos();
+        console.summary(&json!({ "verb": "paint", "photos": photos, "ended": ended == Ended::Idle }))?;
+        drop(session);
+        lab.end_run(photos, "painted")?;
+        Ok(Outcome::Done)
     }
-    let mut session = Session::new(Canvas::new(lab)?)?;
-    let idle = args.idle.map(|minutes| std::time::Duration::from_secs_f64(60.0 * minutes));
-    let options = ServeOptions { listen: args.listen, idle };
-    let mut said = Ok(());
-    let ready = |url: &str| said = say_address(url, args, console);
-    let notes = console.clone();
-    let ended = serve(
-        &mut session,
-        &options,
-        ready,
-        || console.check(),
-        std::sync::Arc::new(move |line| notes.note(line)),
-    )?;
-    said?;
-    let photos = session.photos();
-    console.summary(&json!({ "verb": "paint", "photos": photos, "ended": ended == Ended::Idle }))?;
-    drop(session);
-    lab.end_run(photos, "painted")?;
-    Ok(Outcome::Done)
+
+    /// Prints the address of the page, and opens the page.
+    fn say_address(url: &str, args: &Args, console: &Console) -> Result<()> {
+        console.say(format_args!("page      {url}"))?;
+        console.summary(&json!({ "verb": "paint", "url": url }))?;
+        let port = url.rsplit(':').next().and_then(|rest| rest.split('/').next()).unwrap_or_default();
+        let is_remote = ["SSH_CONNECTION", "SSH_TTY"].iter().any(|name| std::env::var_os(name).is_some());
+        if is_remote && args.listen.ip().is_loopback() {
+            console.say(format_args!(
+                "          over SSH, forward the port: ssh -L {port}:127.0.0.1:{port} HOST"
+            ))?;
+        }
+        console.say("          Ctrl-C ends it")?;
+        if !args.no_browser && !is_remote {
+            crate::cli::opener::open_page(url, console);
+        }
+        Ok(())
+    }
 }
 
 #[cfg(not(feature = "paint"))]
-fn serve_page(_: &Args, _: &mut Lab, _: &Console) -> Result<Outcome> {
-    Err(crate::error::Error::option("paint", "this build of krylux has no server for the page")
-        .help("write the page to a file: -o paint.html; or build krylux with its default features"))
-}
+mod server {
+    use super::*;
 
-/// Prints the address of the page, and opens the page.
-#[cfg(feature = "paint")]
-fn say_address(url: &str, args: &Args, console: &Console) -> Result<()> {
-    console.say(format_args!("page      {url}"))?;
-    console.summary(&json!({ "verb": "paint", "url": url }))?;
-    let port = url.rsplit(':').next().and_then(|rest| rest.split('/').next()).unwrap_or_default();
-    let is_remote = ["SSH_CONNECTION", "SSH_TTY"].iter().any(|name| std::env::var_os(name).is_some());
-    if is_remote && args.listen.ip().is_loopback() {
-        console
-            .say(format_args!("          over SSH, forward the port: ssh -L {port}:127.0.0.1:{port} HOST"))?;
+    pub(super) fn serve_page(_: &Args, _: &mut Lab, _: &Console) -> Result<Outcome> {
+        Err(crate::error::Error::option("paint", "this build of krylux has no server for the page")
+            .help("write the page to a file: -o paint.html; or build krylux with its default features"))
     }
-    console.say("          Ctrl-C ends it")?;
-    if !args.no_browser && !is_remote {
-        super::opener::open_page(url, console);
-    }
-    Ok(())
 }

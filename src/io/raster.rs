@@ -19,6 +19,13 @@ pub struct Raster {
     bytes: Vec<u8>,
 }
 
+/// A picture without pixels.
+impl Default for Raster {
+    fn default() -> Self {
+        Self::black(Resolution::new(0, 0))
+    }
+}
+
 impl Raster {
     /// A picture of `w·h` pixels, given row by row from the top left. Missing pixels are black, and additional pixels are ignored.
     pub fn from_pixels(resolution: Resolution, pixels: impl IntoIterator<Item = [u8; 3]>) -> Self {
@@ -106,11 +113,14 @@ impl Raster {
 const WHITE_PERCENTILE: f64 = 0.995;
 
 /// The factor that maps the 99.5th percentile of the positive, finite samples to white; 1 if there are no such samples. Samples that are
-/// not positive are ignored, so even the photo of a single projected pixel gets a useful exposure.
+/// not positive are ignored, so even the photo of a single projected pixel gets a useful exposure. If this would make most of the image
+/// nearly white, the factor is smaller: it maps the median of all samples to half of white.
 pub fn exposure(image: &Image) -> f32 {
-    let lit: Vec<f64> =
-        image.samples().iter().filter(|&&v| v > 0.0 && v.is_finite()).map(|&v| f64::from(v)).collect();
-    let white = percentile(lit, WHITE_PERCENTILE).unwrap_or(1.0);
+    let mut lit: Vec<f64> =
+        image.samples().iter().filter(|sample| sample.is_finite()).map(|&sample| f64::from(sample)).collect();
+    let median = percentile(lit.clone(), 0.5).unwrap_or(0.0);
+    lit.retain(|&sample| sample > 0.0);
+    let white = percentile(lit, WHITE_PERCENTILE).unwrap_or(1.0).max(2.0 * median);
     let scale = (1.0 / white) as f32;
     if scale.is_finite() && scale > 0.0 { scale } else { 1.0 }
 }
@@ -188,11 +198,13 @@ mod tests {
     #[test]
     fn highlights_do_not_set_the_exposure() {
         let mut image = Image::filled(Resolution::new(100, 100), 1, 0.25);
+        assert_eq!(exposure(&image), 2.0, "an image of one value is gray");
+        image.samples_mut()[..5100].fill(0.0);
         image.samples_mut()[..20].fill(1000.0);
         assert_eq!(exposure(&image), 4.0);
         image.samples_mut()[0] = f32::NAN;
         assert_eq!(develop(&image, 4.0).pixel(0, 0), NOT_A_NUMBER);
-        assert_eq!(develop(&image, 4.0).pixel(50, 50), [255; 3]);
+        assert_eq!(develop(&image, 4.0).pixel(50, 60), [255; 3]);
     }
 
     #[test]

@@ -117,7 +117,7 @@ impl<'a> Canvas<'a> {
     }
 
     /// The layers of the matrix in memory. Their sum is all light except the ambient light. The list is empty without such a matrix.
-    pub(super) fn layers(&self) -> &[(Light, Columns)] {
+    pub(crate) fn layers(&self) -> &[(Light, Columns)] {
         &self.layers
     }
 

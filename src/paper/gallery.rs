@@ -165,7 +165,7 @@ fn section(figure: Figure, made: &[&Reproduced], files: &mut Files<'_>) -> Resul
         for panel in &made.panels {
             let picture = painted(panel)?;
             let name = format!("{}-{}-{}.png", figure.name(), made.rig.name(), panel.name);
-            atomic::write_bytes(&files.path(&name), &picture.png)?;
+            picture.picture.write_png(&files.path(&name))?;
             figures.push(picture);
         }
         if !figures.is_empty() {
@@ -185,7 +185,7 @@ fn painted(panel: &Panel) -> Result<PageFigure> {
     let resolution = panel.resolution;
     let caption = panel.caption.as_str();
     let painted = match &panel.content {
-        Content::Labels(labels) => figure::labels(resolution, labels, caption),
+        Content::Labels(labels) => Ok(figure::labels(resolution, labels, caption)),
         Content::Signed(values) => {
             figure::signed(resolution, values, robust_range(values, None), "", caption)
         }
@@ -193,7 +193,7 @@ fn painted(panel: &Panel) -> Result<PageFigure> {
         Content::Light { values, white } => {
             let image = narrowed(resolution, values)?;
             let scale = white.map_or_else(|| exposure(&image), |white| (1.0 / white) as f32);
-            figure::light(&image, scale, "", caption)
+            Ok(figure::light(&image, scale, "", caption))
         }
     };
     Ok(painted?.named(&panel.name, ""))

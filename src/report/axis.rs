@@ -49,10 +49,11 @@ impl Axis {
         let step = round_step((high - low) / wanted.max(1) as f64, 1.25);
         let (first, last) = ((low / step).floor(), (high / step).ceil());
         let decimals = (-step.log10()).ceil().clamp(0.0, 12.0) as usize;
+        let plain = (1e-4..1e6).contains(&step) && first.abs().max(last.abs()) * step < 1e7;
         let ticks = (0..=(last - first) as usize)
             .map(|index| {
                 let value = (first + index as f64) * step;
-                Tick { value, label: linear_label(value, step, decimals) }
+                Tick { value, label: linear_label(value, plain.then_some(decimals)) }
             })
             .collect();
         Self { scale: Scale::Linear, low: first * step, high: last * step, ticks }
@@ -65,6 +66,8 @@ impl Axis {
         let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
         let stride = ((last - first) as usize).div_ceil(wanted.max(1)).max(1) as i32;
         let few = last - first <= 2;
+        // All labels of an axis are decimals, or all are powers of ten.
+        let plain = first >= -2 && last <= 3;
         let mut ticks = Vec::new();
         for exponent in first..=last {
             let labelled = exponent.rem_euclid(stride) == 0;
@@ -76,8 +79,8 @@ impl Axis {
         let tick = |(digit, exponent, labelled): (i32, i32, bool)| {
             let label = match digit {
                 _ if !labelled => String::new(),
+                _ if plain => (f64::from(digit) * 10_f64.powi(exponent)).to_string(),
                 1 => power_of_ten(exponent),
-                _ if (-2..=3).contains(&exponent) => (f64::from(digit) * 10_f64.powi(exponent)).to_string(),
                 _ => format!("{digit}·{}", power_of_ten(exponent)),
             };
             Tick { value: f64::from(digit) * 10_f64.powi(exponent), label }
@@ -111,12 +114,13 @@ fn round_step(size: f64, slack: f64) -> f64 {
     rounded * magnitude
 }
 
-fn linear_label(value: f64, step: f64, decimals: usize) -> String {
-    if value == 0.0 {
-        return "0".into();
-    }
-    let plain = (1e-4..1e6).contains(&step.abs()) && value.abs() < 1e7;
-    let text = if plain { format!("{value:.decimals$}") } else { format!("{:e}", round_to_digits(value, 6)) };
+/// The number with so many decimals, or else with a power of ten.
+fn linear_label(value: f64, decimals: Option<usize>) -> String {
+    let text = match decimals {
+        _ if value == 0.0 => "0".into(),
+        Some(decimals) => format!("{value:.decimals$}"),
+        None => format!("{:e}", round_to_digits(value, 6)),
+    };
     // The Unicode minus sign is as wide as a digit.
     text.replace('-', "\u{2212}")
 }
@@ -128,15 +132,9 @@ fn round_to_digits(value: f64, digits: usize) -> f64 {
 
 fn power_of_ten(exponent: i32) -> String {
     const SUPERSCRIPTS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
-    match exponent {
-        0 => "1".into(),
-        1 => "10".into(),
-        _ => {
-            let digits = exponent.unsigned_abs().to_string();
-            let raised = digits.chars().filter_map(|digit| Some(SUPERSCRIPTS[digit.to_digit(10)? as usize]));
-            format!("10{}{}", if exponent < 0 { "⁻" } else { "" }, raised.collect::<String>())
-        }
-    }
+    let digits = exponent.unsigned_abs().to_string();
+    let raised = digits.chars().filter_map(|digit| Some(SUPERSCRIPTS[digit.to_digit(10)? as usize]));
+    format!("10{}{}", if exponent < 0 { "⁻" } else { "" }, raised.collect::<String>())
 }
 
 #[cfg(test)]
@@ -164,13 +162,18 @@ mod tests {
 
     #[test]
     fn logarithmic_ticks_are_powers_of_ten() {
-        assert_eq!(labels(&axis(Scale::Log, &[2e-3, 0.7])), ["10⁻²", "10⁻¹", "1"]);
+        assert_eq!(labels(&axis(Scale::Log, &[2e-3, 0.7])), ["10⁻²", "10⁻¹", "10⁰"]);
+        assert_eq!(labels(&axis(Scale::Log, &[0.06, 0.3])), ["0.05", "0.1", "0.2", "0.5"]);
+        assert_eq!(
+            labels(&axis(Scale::Linear, &[9e6, 1.2e7])),
+            ["9e6", "9.5e6", "1e7", "1.05e7", "1.1e7", "1.15e7", "1.2e7"]
+        );
         assert_eq!(labels(&axis(Scale::Log, &[0.3, 1.2])), ["0.2", "0.5", "1", "2"]);
         assert_eq!(
             labels(&axis(Scale::Log, &[1e-6, 1e-6])),
             ["10⁻⁷", "2·10⁻⁷", "5·10⁻⁷", "10⁻⁶", "2·10⁻⁶", "5·10⁻⁶", "10⁻⁵"]
         );
-        assert_eq!(labels(&axis(Scale::Log, &[1.0, 1e12])), ["1", "10³", "10⁶", "10⁹", "10¹²"]);
+        assert_eq!(labels(&axis(Scale::Log, &[1.0, 1e12])), ["10⁰", "10³", "10⁶", "10⁹", "10¹²"]);
         assert!(Axis::around(Scale::Log, [0.0, -1.0, f64::NAN].into_iter(), 5).is_none());
     }
 

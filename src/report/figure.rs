@@ -2,21 +2,20 @@
 
 use super::colormap::{paint_sequential, paint_signed, robust_range};
 use super::html::{Figure, Kind, Legend, Values};
-#[cfg(feature = "paper")]
 use super::palette::paint_labels;
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::io::raster::{Raster, develop};
 
 /// A photo in `unit`, developed with exposure `scale`. The colour bar of a colour photo shows the gray values.
-pub(crate) fn light(image: &Image, scale: f32, unit: &str, caption: impl Into<String>) -> Result<Figure> {
+pub(crate) fn light(image: &Image, scale: f32, unit: &str, caption: impl Into<String>) -> Figure {
     let white = 1.0 / f64::from(scale);
     let painted = (develop(image, scale), Legend::light(white).with_unit(unit));
     figure(painted, Values::of_light(image, white, unit), caption)
 }
 
 /// A pattern. Its values are fractions of the projector's white.
-pub(crate) fn pattern(image: &Image, caption: impl Into<String>) -> Result<Figure> {
+pub(crate) fn pattern(image: &Image, caption: impl Into<String>) -> Figure {
     light(image, 1.0, "of the projector's white", caption)
 }
 
@@ -29,7 +28,7 @@ pub(crate) fn signed(
     caption: impl Into<String>,
 ) -> Result<Figure> {
     let painted = (paint_signed(size, values, None, range)?, Legend::signed(range).with_unit(unit));
-    figure(painted, Values::of_numbers(size, Kind::Number, values, unit), caption)
+    Ok(figure(painted, Values::of_numbers(size, Kind::Number, values, unit), caption))
 }
 
 /// Nonnegative amounts, shown from 0.
@@ -52,12 +51,11 @@ pub(crate) fn sequential(
 ) -> Result<Figure> {
     let legend = Legend::sequential(0.0, high).with_unit(unit);
     let painted = (paint_sequential(size, values, None, (0.0, high))?, legend);
-    figure(painted, Values::of_numbers(size, Kind::Number, values, unit), caption)
+    Ok(figure(painted, Values::of_numbers(size, Kind::Number, values, unit), caption))
 }
 
 /// The number of each pixel's group.
-#[cfg(feature = "paper")]
-pub(crate) fn labels(size: Resolution, labels: &[u8], caption: impl Into<String>) -> Result<Figure> {
+pub(crate) fn labels(size: Resolution, labels: &[u8], caption: impl Into<String>) -> Figure {
     let painted = (paint_labels(size, labels), Legend::of_labels(labels));
     figure(painted, Values::of_labels(size, labels), caption)
 }
@@ -67,9 +65,8 @@ pub(crate) fn figure(
     (picture, legend): (Raster, Legend),
     values: Values,
     caption: impl Into<String>,
-) -> Result<Figure> {
-    let (png, caption) = (picture.encode_png()?, caption.into());
-    Ok(Figure { png, caption, legend, values: Some(values), ..Figure::default() })
+) -> Figure {
+    Figure { picture, caption: caption.into(), legend, values: Some(values), ..Figure::default() }
 }
 
 /// Allows the reader to switch between the named figures in place.

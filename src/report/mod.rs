@@ -6,6 +6,7 @@
 //! | colours of values and of groups | [`colormap`], [`palette`] |
 //! | contact sheet of all photos of a run | [`contact_sheet`] |
 //! | parts of every page: sections, figures, files | [`run`] |
+//! | pictures as files for people | `print` |
 //! | live images in an external viewer | [`viewer`] |
 //! | a page over many runs | [`index`] |
 //! | scripts of pages | [`web`] |
@@ -21,6 +22,7 @@ pub mod html;
 pub mod index;
 pub mod palette;
 pub mod plot;
+pub(crate) mod print;
 pub(crate) mod residuals;
 pub mod run;
 pub mod scatter;

@@ -9,6 +9,7 @@ use super::content::{Content, Values, shape};
 use super::figure;
 use super::figure::{difference, mean};
 use super::html::{Block, Figure, FileLink, Outcome, Report, Section, Verdict};
+use super::print::printed;
 use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio, merge, worst};
 use crate::image::{Image, Resolution};
@@ -64,9 +65,9 @@ impl AnswerPage<'_> {
         self.facts.push((name, value.to_string()));
     }
 
-    /// Writes a picture to `FILE.png`.
+    /// Writes a picture for people to `FILE.png`: enlarged, with the name and the legend of the figure.
     pub fn picture(&mut self, file: &str, figure: Figure) -> Result<Figure> {
-        self.files.picture(file, &figure)?;
+        printed(&figure).write_png(&self.files.path(&format!("{file}.png")))?;
         Ok(figure)
     }
 
@@ -79,7 +80,7 @@ impl AnswerPage<'_> {
         caption: impl Into<String>,
     ) -> Result<Figure> {
         self.files.image(file, image)?;
-        let figure = figure::light(image, scale, &self.unit, caption)?;
+        let figure = figure::light(image, scale, &self.unit, caption);
         self.picture(file, figure.named(file, format!("{file}.npy")))
     }
 
@@ -217,8 +218,9 @@ impl<'a> Files<'a> {
             .try_for_each(|extension| picture::write(&self.path(&format!("{name}.{extension}")), image))
     }
 
+    /// Writes the pixels of a picture, from which a program can read light or a pattern again.
     pub(crate) fn picture(&mut self, name: &str, figure: &Figure) -> Result<()> {
-        atomic::write_bytes(&self.path(&format!("{name}.png")), &figure.png)
+        figure.picture.write_png(&self.path(&format!("{name}.png")))
     }
 
     /// Links to the files so far: first the files with the results, then the record of the run.

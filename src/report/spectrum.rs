@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::colormap::{paint_signed, robust_range};
+use super::colormap::{paint_signed, robust_range, signed_color};
 use super::figure::figure;
-use super::html::{Block, Figure, Kind, Legend, Values};
+use super::html::{Block, Figure, Kind, Legend, Swatch, Values};
 use super::plot::{self, StemPlot};
 use super::run::AnswerPage;
 use super::text::{decimal, with_error};
@@ -34,14 +34,30 @@ pub(crate) fn pictures(
             weight: coordinate.map(|(weight, _)| weight),
             range: coordinate.map_or((0.0, 0.0), |(_, range)| range),
         };
-        let painted = (paint_signed(resolution, vector, mask, range)?, Legend::signed(range));
-        let caption = format!("{}: λ = {}", index + 1, decimal(*value, 5));
-        let figure = figure(painted, Values::of_numbers(resolution, kind, vector, ""), caption)?
+        let mut painted = (paint_signed(resolution, vector, mask, range)?, Legend::signed(range));
+        let mut caption = format!("{}: λ = {}", index + 1, decimal(*value, 5));
+        if is_constant(vector, mask) {
+            // One colour would say only the sign of the vector, which is arbitrary.
+            let swatch = Swatch { color: signed_color(0.0), text: "the same at every pixel".into() };
+            let neutral = paint_signed(resolution, &vec![0.0; vector.len()], mask, range)?;
+            painted = (neutral, Legend::Swatches(vec![swatch]));
+            caption += ", constant";
+        }
+        let figure = figure(painted, Values::of_numbers(resolution, kind, vector, ""), caption)
             .named(format!("eigenvector {}", index + 1), format!("eigenvectors.npy[{index}]"))
             .in_series("eigenvector");
         Ok((format!("eigenvector-{:02}", index + 1), figure))
     };
     vectors.par_iter().zip(values).enumerate().map(picture).collect()
+}
+
+/// Whether the values that `mask` does not leave out agree to nine digits, that is, within the rounding of the computation.
+fn is_constant(values: &[f64], mask: Option<&[bool]>) -> bool {
+    let kept = values.iter().enumerate().filter(|(index, _)| !mask.is_some_and(|mask| mask[*index]));
+    let [low, high] = kept.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], (_, value)| {
+        [low.min(*value), high.max(*value)]
+    });
+    high - low <= 1e-9 * high.abs()
 }
 
 /// Each eigenvector as a layer of an `.exr` file, named `eigenvector01` and so on.

@@ -14,7 +14,8 @@ use crate::io::{npy, picture, raster};
 use crate::lab::{
     self, Lab, Log, OperatorChoice, OperatorSettings, SinglePhoto, SourceKind, byte_count, text,
 };
-use crate::report::{content::Content, palette};
+use crate::report::print::printed;
+use crate::report::{content::Content, figure};
 use crate::transport::Channels;
 
 /// Take one photo of a scene under a pattern
@@ -38,12 +39,14 @@ pub struct TakePhoto {
     /// [default: photo.png, or the first free one of photo-2.png, photo-3.png, …]
     #[arg(short = 'o', long = "output", value_name = "FILE")]
     pub files: Vec<PathBuf>,
-    /// The exposure of .png files: a factor, after which light of 1 is white; or auto, with which the brightest half per cent is white
+    /// The exposure of .png files: a factor, after which light of 1 is white; or auto, with which the brightest half per cent is white, unless
+    /// half of the photo would then be brighter than half of white
     #[arg(long, value_name = "auto|X", default_value = "auto")]
     pub exposure: Exposure,
-    /// Pixels of .png files for each pixel of the photo, along each side
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
-    pub scale: u8,
+    /// Pixels of .png files for each pixel of the photo, along each side [default: 1; without -o, at least 512 pixels a side, with
+    /// a bar of the values]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=64))]
+    pub scale: Option<u8>,
     /// The file for the standard error of each pixel, an image as large as the photo; a scene is then traced for this photo alone
     #[arg(long, value_name = "FILE")]
     pub error: Option<PathBuf>,
@@ -55,7 +58,7 @@ const MOST_PIXELS: usize = 16_384;
 /// The exposure of a picture for people.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Exposure {
-    /// The brightest half per cent of the samples is white.
+    /// The exposure of [`raster::exposure`].
     Auto,
     /// All light is multiplied by this factor. Light of 1 is then white.
     Times(f32),
@@ -100,24 +103,28 @@ impl TakePhoto {
         OperatorSettings { choice, memory: self.memory, ..OperatorSettings::default() }
     }
 
-    /// Writes an image. A `.png` file has the requested exposure and scale.
-    fn write_picture(&self, file: &Path, image: &Image) -> Result<()> {
+    /// Writes an image. A `.png` file has the requested exposure and scale, or is for people and states the unit of `printed_in`.
+    fn write_picture(&self, file: &Path, image: &Image, printed_in: Option<&str>) -> Result<()> {
         picture::write_shown(file, image, |image| {
             let factor = match self.exposure {
                 Exposure::Auto => raster::exposure(image),
                 Exposure::Times(factor) => factor,
             };
-            raster::develop(image, factor).enlarged(usize::from(self.scale))
+            match printed_in {
+                Some(unit) => printed(&figure::light(image, factor, unit, "").named("photo", "")),
+                None => raster::develop(image, factor).enlarged(usize::from(self.scale.unwrap_or(1))),
+            }
         })
     }
 
     /// Refuses a scale with which a picture of this resolution would be too large for viewers and memory. Fails with [`Error::Option`].
     pub fn check_scale(&self, Resolution { width, height }: Resolution) -> Result<()> {
-        let side = width.max(height).saturating_mul(usize::from(self.scale));
-        if self.scale == 1 || side <= MOST_PIXELS {
+        let scale = self.scale.unwrap_or(1);
+        let side = width.max(height).saturating_mul(usize::from(scale));
+        if scale == 1 || side <= MOST_PIXELS {
             return Ok(());
         }
-        let fault = format!("{} makes a picture with a side of {side} pixels", self.scale);
+        let fault = format!("{scale} makes a picture with a side of {side} pixels");
         Err(Error::option("--scale", fault)
             .help(format!("choose one with at most {MOST_PIXELS} pixels a side")))
     }
@@ -131,12 +138,13 @@ impl TakePhoto {
         files: &[PathBuf],
     ) -> Result<(Content<'static>, bool)> {
         let photo = &taken.photo;
+        let is_for_people = self.files.is_empty() && self.scale.is_none();
         for file in files {
-            self.write_picture(file, photo)?;
+            self.write_picture(file, photo, is_for_people.then_some(lab.unit()))?;
             tell_written(lab, file);
         }
         if let Some(file) = &self.error {
-            self.write_picture(file, taken.standard_error.as_ref().ok_or_else(unknown_error)?)?;
+            self.write_picture(file, taken.standard_error.as_ref().ok_or_else(unknown_error)?, None)?;
             tell_written(lab, file);
         }
         let mut content = Content::default();
@@ -212,7 +220,9 @@ fn write_labels(file: &Path, resolution: Resolution, labels: &[u8]) -> Result<()
     let extension = file.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
         Some("npy") => npy::write_npy(file, &[resolution.height, resolution.width], labels),
-        Some("png") => palette::paint_labels(resolution, labels).write_png(file),
+        Some("png") => {
+            printed(&figure::labels(resolution, labels, "").named("true regions", "")).write_png(file)
+        }
         _ => {
             Err(Error::data(file, "labels are written as numbers or as a picture")
                 .help("name it .npy or .png"))

@@ -261,6 +261,8 @@ fn the_page_of_a_refuted_answer_says_so() -> Result<()> {
         let mut found = pairs().pairs(&mut lab)?;
         found.found.values.iter_mut().for_each(|value| *value *= factor);
         found.verify(&mut lab)?;
+        assert_eq!(found.headline().contains("refuted by independent light"), is_refuted);
+        assert!(!is_refuted || !found.headline().contains("within the noise"), "{}", found.headline());
         let saved = lab.finish(&found)?;
         let checks: Vec<Grade> =
             saved.findings.iter().filter(|of| of.name == "check").map(|of| of.grade).collect();

@@ -182,6 +182,12 @@ fn a_page_as_one_file_says_its_size_and_refuses_what_has_no_matrix() {
     for outside in ["src=\"http", "href=\"http", "@import", "url(http"] {
         assert!(!page.contains(outside), "the page loads something from outside: {outside}");
     }
+    let plain = command(&[&["paint", "-o", &file], &SCENE[..]].concat()).output().expect("it is built");
+    let page = std::fs::read_to_string(&file).expect("it was written again");
+    // The page without options shows groups and eigenvectors as well.
+    assert!(
+        plain.status.success() && page.contains("\"groups\":{\"") && page.contains("\"eigenvectors\":{\"")
+    );
     let rig = rig(&folder, 8, "");
     let output = command(&["paint", &rig, "-o", &file]).output().expect("it is built");
     crate::program::assert_error(&output, &["-o", "matrix"]);

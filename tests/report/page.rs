@@ -43,7 +43,7 @@ fn sample() -> Result<Report, Error> {
             blocks: vec![
                 Block::Figures(vec![
                     Figure {
-                        png: picture.encode_png()?,
+                        picture: picture.clone(),
                         caption: "labels".into(),
                         legend: Legend::of_labels(&labels),
                         values: Some(Values::of_labels(Resolution::new(8, 8), &labels)),
@@ -51,7 +51,7 @@ fn sample() -> Result<Report, Error> {
                     }
                     .named("2 groups", "labels-2.npy"),
                     Figure {
-                        png: picture.encode_png()?,
+                        picture: picture.clone(),
                         caption: "signed".into(),
                         legend: Legend::signed(0.0412),
                         ..Figure::default()

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use crate::error::Result;
 use crate::io::atomic;
+use crate::io::raster::Raster;
 pub(super) use legend::brief;
 pub use legend::{Legend, Swatch};
 pub use values::{Kind, MOST_BYTES, Values};
@@ -150,8 +151,8 @@ pub struct Number {
 /// A picture, shown without interpolation so that small pictures keep sharp pixels.
 #[derive(Clone, Debug, Default)]
 pub struct Figure {
-    /// Bytes of a PNG file.
-    pub png: Vec<u8>,
+    /// The picture.
+    pub picture: Raster,
     /// Text below the picture.
     pub caption: String,
     /// The meaning of the picture's colours.

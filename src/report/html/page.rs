@@ -10,6 +10,7 @@ use base64::engine::general_purpose::STANDARD;
 use super::values::Embedded;
 use super::{Block, FileLink, Legend, Number, Outcome, Report};
 use crate::error::{Error, Result};
+use crate::io::raster::Raster;
 use crate::report::text;
 use crate::report::web::{COLOR, FORMAT, Module, VALUES, VIEW, bundle};
 
@@ -83,6 +84,10 @@ impl Page<'_> {
 
     fn address(&self, path: &str) -> String {
         address(path)
+    }
+
+    fn png(&self, picture: &Raster) -> askama::Result<String> {
+        picture.encode_png().map(|png| self.base64(&png)).map_err(askama::Error::custom)
     }
 
     fn base64(&self, png: &[u8]) -> String {

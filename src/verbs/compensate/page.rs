@@ -63,10 +63,10 @@ impl Compensated {
         ];
         let mut figures = Vec::new();
         for (name, image, caption) in light {
-            let figure = figure::light(image, scale, &page.unit, caption)?;
+            let figure = figure::light(image, scale, &page.unit, caption);
             figures.push(figure.named(name, format!("{name}.npy")));
         }
-        let pattern = figure::pattern(&found.pattern, "What is projected")?;
+        let pattern = figure::pattern(&found.pattern, "What is projected");
         figures.push(pattern.named("compensation", "compensation.npy"));
         let errors = [&found.observed, &found.uncompensated].map(|photo| difference(photo, &found.target));
         let range = robust_range(&errors.concat(), None);

@@ -11,6 +11,7 @@ use crate::analysis::segment::possible;
 use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Resolution;
+use crate::io::manifest::CheckVerdict;
 use crate::krylov::{
     self, Completeness, Confirm, EigsMethod, EigsOptions, HistoryRow, PairStatus, SingularOptions, Start,
     Which, eigs, singular,
@@ -269,10 +270,20 @@ fn missing(completeness: Completeness, (found, wanted): (usize, usize), products
     }
 }
 
-/// The number of results that converged or are within the noise, such as `4 of 6 eigenvalues within the noise; 50 photos`.
-fn headline(name: &str, statuses: &[PairStatus], wanted: usize, photos: usize) -> String {
+/// The number of results that converged or are within the noise, such as `4 of 6 eigenvalues within the noise; 50 photos`. If `check`, the
+/// verdict of independent light, refutes the results, their residuals say nothing about the light, and the headline says so instead.
+fn headline(
+    name: &str,
+    statuses: &[PairStatus],
+    wanted: usize,
+    photos: usize,
+    check: Option<CheckVerdict>,
+) -> String {
     let count = |wanted: PairStatus| statuses.iter().filter(|status| **status == wanted).count();
     let (exact, noisy) = (count(PairStatus::Converged), count(PairStatus::LimitedByNoise));
+    if check == Some(CheckVerdict::Refuted) {
+        return format!("{} {name}, refuted by independent light; {photos} photos", statuses.len());
+    }
     let how = match (exact, noisy) {
         (_, 0) => "converged",
         (0, _) => "within the noise",

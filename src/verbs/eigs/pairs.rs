@@ -7,6 +7,7 @@ use crate::analysis::EigenpairEstimate;
 use crate::error::Result;
 use crate::finding::Finding;
 use crate::image::Resolution;
+use crate::io::manifest::CheckVerdict;
 use crate::krylov;
 use crate::lab::text::{capital, percent, rounded, signed, with_error};
 use crate::lab::{Answer, Lab, Verb, Verified};
@@ -25,6 +26,8 @@ pub struct Eigenpairs {
     pub wanted: usize,
     /// Estimates of the scene's eigenpairs by independent light, one for each pair found; empty before [`Answer::verify`].
     pub estimates: Vec<EigenpairEstimate>,
+    /// The verdict of independent light; `None` before [`Answer::verify`], or if there is no such light.
+    pub check: Option<CheckVerdict>,
     /// The resolution of a vector, if vectors are shown as pictures.
     pub size: Option<Resolution>,
     part: Part,
@@ -36,7 +39,7 @@ impl Eigenpairs {
     /// The answer to the request `asked`. `size` is the resolution of vectors, if they are shown as pictures.
     pub fn new(found: krylov::Eigs, asked: &Eigs, size: Option<Resolution>) -> Self {
         let (part, is_strict) = (asked.part.into(), asked.tolerance.is_some());
-        Self { found, wanted: asked.count, estimates: Vec::new(), size, part, is_strict }
+        Self { found, wanted: asked.count, estimates: Vec::new(), check: None, size, part, is_strict }
     }
 
     fn is_complex(&self) -> bool {
@@ -97,7 +100,7 @@ impl Answer for Eigenpairs {
     }
 
     fn headline(&self) -> String {
-        headline("eigenvalues", &self.found.statuses, self.wanted, self.photos())
+        headline("eigenvalues", &self.found.statuses, self.wanted, self.photos(), self.check)
     }
 
     fn content(&self) -> Content<'_> {
@@ -160,6 +163,7 @@ impl Answer for Eigenpairs {
             self.found.standard_errors[index] = estimate.error_of(self.found.values[index]);
         }
         self.estimates.clone_from(&verified.estimates);
+        self.check = Some(verified.verification.verdict);
         Ok(Some(Verified { estimates: verified.estimates, ..verified.verification.into() }))
     }
 

@@ -82,7 +82,7 @@ impl Answer for SingularTriplets {
     }
 
     fn headline(&self) -> String {
-        headline("singular values", &self.found.statuses, self.wanted, self.photos())
+        headline("singular values", &self.found.statuses, self.wanted, self.photos(), None)
     }
 
     fn content(&self) -> Content<'_> {

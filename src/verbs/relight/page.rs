@@ -29,7 +29,7 @@ impl Relighting {
         for (relit, number) in self.relit.iter().zip(1..) {
             let scale = exposure(relit.truth.as_ref().unwrap_or(&relit.relit));
             let [pattern, own, other] = ["pattern", "relit", "true"].map(|name| format!("{name}-{number}"));
-            let figure = figure::pattern(&relit.pattern, format!("Pattern {number}: {}", relit.name))?;
+            let figure = figure::pattern(&relit.pattern, format!("Pattern {number}: {}", relit.name));
             figures.push(page.picture(&pattern, figure.named(&pattern, ""))?);
             let caption = match relit.errors.last() {
                 Some(error) => format!("within {}", percentage(*error)),
@@ -55,7 +55,7 @@ impl Relighting {
         for (reduced, number) in self.reduced.iter().zip(1..) {
             let scale = exposure(&reduced.photo);
             let caption = format!("Photo {number}: {}", reduced.name);
-            figures.push(figure::light(&reduced.photo, scale, &page.unit, caption)?);
+            figures.push(figure::light(&reduced.photo, scale, &page.unit, caption));
             let error =
                 reduced.error.map_or(String::new(), |error| format!(": within {}", percentage(error)));
             let caption = format!("Direct light alone {number}{error}");

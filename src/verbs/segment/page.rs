@@ -67,30 +67,21 @@ impl Segmented {
             degree.named("degree", "degree.npy"),
         ];
         if let Some(truth) = &self.truth {
-            let figure = Figure {
-                png: paint_labels(size, &truth.labels).encode_png()?,
-                caption: "The true regions".into(),
-                legend: Legend::Swatches(swatches(truth)),
-                values: Some(Values::of_labels(size, &truth.labels)),
-                ..Figure::default()
-            };
+            let painted = (paint_labels(size, &truth.labels), Legend::Swatches(swatches(truth)));
+            let values = Values::of_labels(size, &truth.labels);
+            let figure = figure::figure(painted, values, "The true regions");
             figures.push(page.picture("labels-true", figure.named("true region", "labels-true.npy"))?);
         }
-        let painted = |((groups, labels), palette): (&(usize, Vec<u8>), Palette)| -> Result<Figure> {
+        let figure = |((groups, labels), palette): (&(usize, Vec<u8>), Palette)| {
             let score = self.scores.iter().find(|(of, _)| of == groups);
             let score = score.map_or(String::new(), |(_, score)| format!(", adjusted Rand index {score:.4}"));
-            let figure = Figure {
-                png: palette.paint(size, labels).encode_png()?,
-                caption: format!("{groups} groups{score}{}", self.sure(*groups)),
-                legend: Legend::of_painted_labels(labels, &palette),
-                values: Some(Values::of_labels(size, labels)),
-                ..Figure::default()
-            };
-            let figure = figure.named(format!("{groups} groups"), format!("labels-{groups}.npy"));
-            Ok(figure.in_series("number of groups"))
+            let painted = (palette.paint(size, labels), Legend::of_painted_labels(labels, &palette));
+            let caption = format!("{groups} groups{score}{}", self.sure(*groups));
+            figure::figure(painted, Values::of_labels(size, labels), caption)
+                .named(format!("{groups} groups"), format!("labels-{groups}.npy"))
+                .in_series("number of groups")
         };
-        let painted: Vec<Figure> =
-            found.labels.par_iter().zip(self.palettes()).map(painted).collect::<Result<_>>()?;
+        let painted: Vec<Figure> = found.labels.par_iter().zip(self.palettes()).map(figure).collect();
         for (figure, (groups, _)) in painted.into_iter().zip(&found.labels) {
             figures.push(page.picture(&format!("labels-{groups}"), figure)?);
         }
@@ -155,7 +146,7 @@ fn evidence(evidence: &Evidence, page: &mut AnswerPage<'_>) -> Result<()> {
         let photo = spectrum::narrowed(page.resolution, photo)?;
         let caption = format!("Group {group} lit alone: it keeps {} of its light", percent(*kept));
         let file = format!("evidence-{}.npy[{group}]", evidence.groups);
-        let figure = figure::light(&photo, exposure(&photo), &page.unit, caption)?;
+        let figure = figure::light(&photo, exposure(&photo), &page.unit, caption);
         Ok(figure.named(format!("light of group {group}"), file).in_series("group lit alone"))
     });
     let row = |(group, shares): (usize, &Vec<f64>)| {
