@@ -7,6 +7,7 @@ mod program;
 
 mod bench;
 mod bytes;
+mod captures;
 mod certificates;
 mod files;
 mod folders;

@@ -48,7 +48,7 @@ impl RunSource {
         let folder = journal_folder(run);
         if !Journal::is_in(&folder) {
             return Err(Error::data(run, "it holds no run whose photos were kept")
-                .help("give a scene, a rig file, or the folder of a run that has a journal"));
+                .help("give a scene, a rig file, the folder of a run that has a journal, or a folder of captures with a captures.toml"));
         }
         let mut journal = Journal::read_only(&folder)?;
         let note = read(&mut journal, notes::SOURCE)?
