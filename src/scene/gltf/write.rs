@@ -200,6 +200,9 @@ fn strength(of: &Material) -> f32 {
     2_f32.powi(exponent.min(127))
 }
 
+/// The keys of textures, and the textures, if there are any.
+type Slots<'a> = &'a [(&'a str, &'a Option<TextureRef>)];
+
 fn extensions(of: &Material, used: &mut Vec<&'static str>) -> Map<String, Value> {
     let mut specular = json!({ "specularFactor": of.specular });
     if of.specular_color != Vec3::ONE {
@@ -225,7 +228,7 @@ fn extensions(of: &Material, used: &mut Vec<&'static str>) -> Map<String, Value>
         ("diffuseTransmissionColorTexture", &of.diffuse_transmission_color_texture),
     ];
     // The name, whether the factors need it, the factors, and the textures, which need it as well.
-    let all: [(_, bool, Value, &[(&str, &Option<TextureRef>)]); 6] = [
+    let all: [(_, bool, Value, Slots<'_>); 6] = [
         ("KHR_materials_specular", true, specular, &of_specular),
         ("KHR_materials_ior", of.ior != 1.5, json!({ "ior": of.ior }), &[]),
         ("KHR_materials_emissive_strength", strength > 1.0, json!({ "emissiveStrength": strength }), &[]),
