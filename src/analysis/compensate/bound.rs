@@ -26,8 +26,8 @@ impl<'a> Bounded<'a> {
         Self { operator, b, limits, least: 0.0, is_noisy: false }
     }
 
-    /// The largest bound on `‖b − A z‖ / ‖b‖` (on `‖b − A z‖` if `b` is zero). It is 0 if nothing is known, for example because products have
-    /// noise.
+    /// The largest bound on `‖b − A z‖ / ‖b‖` (on `‖b − A z‖` if `b` is zero). It is 0 if nothing is known, for example because products
+    /// have noise.
     pub(super) fn least(&self) -> f64 {
         if self.is_noisy { 0.0 } else { self.least }
     }

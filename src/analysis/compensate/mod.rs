@@ -69,8 +69,8 @@ pub struct Compensation {
     pub residual: f64,
     /// The residual of the pattern before clipping, as the method computes it.
     pub unclipped_residual: f64,
-    /// A residual that no pattern in [floor, 1] falls below. It follows from the method's products with the transpose. `None` if there are no
-    /// such products, if they are noisy, or if they exclude nothing.
+    /// A residual that no pattern in [floor, 1] falls below. It follows from the method's products with the transpose. `None` if there
+    /// are no such products, if they are noisy, or if they exclude nothing.
     pub least_residual: Option<f64>,
     /// The residual of `uncompensated`.
     pub uncompensated_residual: f64,

@@ -163,8 +163,8 @@ mod tests {
         let found = near_far(&mut operators, (projector, Some(&homes)), options, &light, Some(&[matrix]))?;
         let noise = found.noise.value().unwrap_or(f64::NAN);
         let error = |truth: Vec<f64>| relative_error(&found.near, &vec![truth]).value().unwrap_or(f64::NAN);
-        // The norm of the error is that of the standard errors up to the spread of some tens of independent values. The kernel, which is cut
-        // at four deviations, adds less than 1e-3.
+        // The norm of the error is that of the standard errors up to the spread of some tens of independent values. The kernel, which is
+        // cut at four deviations, adds less than 1e-3.
         let [right, wrong] = [error(dense(&home)), error(dense(&|row| columns - 1 - home(row)))];
         assert!(noise < 0.05 && right < 1.6 * noise + 1e-3, "{right} {noise}");
         assert!(wrong > 1.6 * noise + 1e-3, "the homes of a mirrored projector pass: {wrong} {noise}");

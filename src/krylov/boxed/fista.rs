@@ -36,8 +36,8 @@ pub struct Fista {
 }
 
 impl Fista {
-    /// Makes the state before the first step, for `x` of length `cols`. Reads `x0`, `lower`, `upper` and `diagonal` of the options. If `A` is
-    /// square, both may be missing; without `diagonal` the first product is `A 1`. Fails with the errors of
+    /// Makes the state before the first step, for `x` of length `cols`. Reads `x0`, `lower`, `upper` and `diagonal` of the options. If
+    /// `A` is square, both may be missing; without `diagonal` the first product is `A 1`. Fails with the errors of
     /// [`ProjectedJacobi::solver`](crate::krylov::boxed::ProjectedJacobi::solver).
     pub fn solver(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let (system, boxed) = Boxed::new("FISTA", cols, b, options)?;
