@@ -316,6 +316,7 @@ class Compensation(Answer):
         unclipped: The method's own answer, where it had to be clipped.
         peak: The radiance that 1 in the target stands for.
         residual, unclipped_residual, uncompensated_residual: ``‖b − A x‖/‖b‖`` of the three.
+        least_residual: What no pattern falls below, where products with the transpose tell it, or ``None``.
         history, baseline: The residual after each photo, of the method and of projected Jacobi.
         preparation: Photos before those of the method.
         similarity, uncompensated_similarity: ``psnr`` in dB, ``ssim``, ``rmse`` and others against the target.
@@ -332,6 +333,7 @@ class Compensation(Answer):
     residual: float
     unclipped_residual: float
     uncompensated_residual: float
+    least_residual: float | None
     history: _Floats
     baseline: _Floats
     preparation: int
@@ -343,6 +345,7 @@ class Compensation(Answer):
         "pattern": "compensation", "photos": "photos_of_method", "preparation": "photos_before", "status": "ended",
         "residual": "relative_residual", "unclipped_residual": "relative_residual_unclipped", "similarity": "likeness",
         "uncompensated_residual": "relative_residual_uncompensated", "uncompensated_similarity": "likeness_uncompensated",
+        "least_residual": "relative_residual_least",
     }
 
     def __init__(self, arrays: dict[str, Any], facts: dict[str, Any], *asked: Any) -> None:

@@ -407,7 +407,8 @@ def open(
     Args:
         source: A :class:`krylux.Scene`, a scene file (``.glb``, ``.gltf``, ``.obj``), a rig file (``.toml``), the folder
             of an earlier run, a matrix file (``.npz``, ``.npy``, ``.mtx``, ``.mtx.gz``, ``.mat``), a SciPy sparse matrix,
-            a NumPy array (a matrix, or ``[H, W, h, w]``), or devices of Python.
+            a NumPy array (a matrix, or ``[H, W, h, w]``, with colours ``[H, W, 3, h, w]``, ``[3, H, W, h, w]`` or
+            ``[H, W, h, w, 3]``), or devices of Python.
         size: Pixels of camera and projector: the side of a square, or ``(width, height)``. Default 128, or what a rig
             file says. For a matrix that came without it, the size of its photos, whose pixels are rows.
         projector_size: Pixels of a projector that stands apart from the camera, or of the patterns of a matrix.
@@ -456,7 +457,7 @@ def request(source, options):
         asked[option] = _checks.maybe(check, asked[option], option, *bounds)
     cache, progress = asked["cache"], _progress.choose(asked["progress"])
     asked |= {"cached": cache is not False, "cache": None if cache in (None, True, False) else cache}
-    asked |= {"progress": progress, "matrix": None, "rig": None, "devices": None, "scene": None}
+    asked |= {"progress": progress, "matrix": None, "array": None, "rig": None, "devices": None, "scene": None}
     return asked | _source(source, asked.pop("name"))
 
 
@@ -480,13 +481,11 @@ def _source(source, name):
             raise _checks.refuse("source", f"there is no file or folder {path!r}",
                                  "give a scene (.glb, .gltf, .obj), a rig file (.toml), a run folder, or a matrix")
         return {"source": path}
-    sizes = {}
-    shape = np.shape(source)
-    if len(shape) == 4:
-        # An array of the camera's and the projector's axes knows its pictures.
-        sizes = {"size": (shape[1], shape[0]), "projector_size": (shape[3], shape[2])}
-        source = np.reshape(source, (shape[0] * shape[1], shape[2] * shape[3]))
-    return {"source": name or "matrix", "matrix": _matrix(source)} | sizes
+    name = name or "matrix"
+    if np.ndim(source) in (4, 5):
+        # The camera's and the projector's axes, and perhaps one of colour: the array knows its pictures.
+        return {"source": name, "array": _checks.real_array(source, "source", np.float64)}
+    return {"source": name, "matrix": _matrix(source)}
 
 
 def _matrix(source):
@@ -496,7 +495,8 @@ def _matrix(source):
     if not scipy.sparse.issparse(source):
         dense = _checks.real_array(source, "source", np.float64)
         if dense.ndim != 2:
-            raise _checks.refuse("source", f"its shape is {dense.shape}", "give a matrix, an array of [H, W, h, w], a path or a rig")
+            help = "give a matrix, an array of [H, W, h, w] (with colours [H, W, 3, h, w], [3, H, W, h, w] or [H, W, h, w, 3]), a path or a rig"
+            raise _checks.refuse("source", f"its shape is {dense.shape}", help)
         source = scipy.sparse.csr_array(dense)
     matrix = scipy.sparse.csr_array(source)
     _checks.real_array(matrix.data, "source", np.float64)

@@ -1,8 +1,12 @@
 //! A sparse matrix whose arrays NumPy reads without a copy.
 
+use std::path::Path;
+
+use krylux::io::npy::Array;
+use krylux::io::sparse::{MatrixFile, from_array};
 use krylux::sparse::Csr;
 use numpy::ndarray::ArrayView1;
-use numpy::{Element, PyArray1, PyReadonlyArray1};
+use numpy::{Element, PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use crate::errors;
@@ -60,4 +64,10 @@ pub(crate) fn csr(py: Python<'_>, (cols, data, indices, indptr): &Arrays<'_>) ->
     let columns = indices.as_slice()?.iter().map(|&column| u32::try_from(column)).collect::<Result<_, _>>();
     let (row_start, columns) = (row_start.map_err(refused)?, columns.map_err(refused)?);
     Csr::new(*cols, row_start, columns, data.as_slice()?.to_vec()).map_err(|error| errors::raise(py, &error))
+}
+
+/// Converts a C-contiguous array, whose number of axes says what it is. `name` is used in messages.
+pub(crate) fn dense(name: &Path, array: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<MatrixFile> {
+    let (shape, values) = (array.shape().to_vec(), array.as_slice()?.to_vec());
+    from_array(name, &Array { shape, values }).map_err(|error| errors::raise(array.py(), &error))
 }

@@ -28,16 +28,18 @@ impl Request {
         let asked = self.0.bind(py);
         let source: PathBuf = item(asked, "source")?;
         let scene: Option<Py<Scene>> = item(asked, "scene")?;
-        let mut builder = match (item(asked, "matrix")?, item::<Option<String>>(asked, "rig")?) {
-            // A matrix or a rig's text is already in memory, so the source is only a name.
-            (Some(matrix), _) => {
-                Lab::builder_of_matrix(matrix::csr(py, &matrix)?, source.display().to_string())
-            }
-            (None, Some(text)) => Lab::builder_of_rig(&source, text),
-            (None, None) => match scene {
-                Some(scene) => Lab::builder_of_editable(scene.get().now()),
-                None => Lab::builder(&source),
-            },
+        // A matrix, an array, a scene or a rig's text is already in memory, so the source is only a name.
+        let name = source.display().to_string();
+        let mut builder = if let Some(matrix) = item(asked, "matrix")? {
+            Lab::builder_of_matrix(matrix::csr(py, &matrix)?, name)
+        } else if let Some(array) = item(asked, "array")? {
+            Lab::builder_of_matrix(matrix::dense(&source, &array)?, name)
+        } else if let Some(text) = item::<Option<String>>(asked, "rig")? {
+            Lab::builder_of_rig(&source, text)
+        } else if let Some(scene) = scene {
+            Lab::builder_of_editable(scene.get().now())
+        } else {
+            Lab::builder(&source)
         };
         builder = builder.settings(settings(asked)?).allow_programs(item(asked, "allow_programs")?);
         if let Some(devices) = item::<Option<ProgramDevices>>(asked, "devices")? {

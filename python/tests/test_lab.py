@@ -206,6 +206,39 @@ def test_a_matrix_may_map_pictures_of_two_sizes():
             lab.photo(np.ones((6, 8)))
 
 
+def test_the_axes_of_an_array_say_which_pictures_it_maps(tmp_path):
+    gray = np.random.default_rng(8).integers(0, 5, (6, 8, 4, 5)).astype(np.float32)
+    with krylux.open(gray) as lab:
+        assert (lab.shape, lab.projector_shape, lab.channels) == ((6, 8), (4, 5), 1)
+        assert np.array_equal(lab.matrix().toarray(), gray.reshape(48, 20))
+    rgb = np.stack([gray, 2 * gray, gray + 1])
+    for axis in (0, 2, 4):
+        # The axis of colour is moved without a copy, so that the array is not contiguous.
+        array = np.moveaxis(rgb, 0, axis)
+        np.save(tmp_path / "array.npy", array)
+        for source in (array, tmp_path / "array.npy"):
+            with krylux.open(source, channels="rgb") as lab:
+                assert (lab.shape, lab.projector_shape, lab.channels) == ((6, 8), (4, 5), 3)
+                for channel in range(3):
+                    assert np.array_equal(lab.matrix(channel=channel).toarray(), rgb[channel].reshape(48, 20))
+    with krylux.open(np.moveaxis(rgb, 0, 2)) as lab:
+        assert lab.channels == 1
+        weights = np.array([0.2126, 0.7152, 0.0722])
+        assert np.allclose(lab.matrix().toarray(), np.tensordot(weights, rgb, 1).reshape(48, 20), rtol=1e-3)
+
+
+@pytest.mark.parametrize(("shape", "message"), [
+    ((3, 3, 2, 2, 3), "which of its axes is colour is not certain"),
+    ((4, 4, 2, 2, 2), "which of its axes is colour is not certain"),
+    ((4, 4, 2), r"its shape is \(4, 4, 2\)"),
+])
+def test_arrays_whose_axes_have_no_meaning_are_refused(shape, message):
+    with pytest.raises(krylux.Error, match=message):
+        krylux.open(np.ones(shape))
+    with pytest.raises(krylux.errors.OptionError, match="states 2x4"):
+        krylux.open(np.ones((4, 2, 2, 2)), size=(4, 2))
+
+
 def test_a_matrix_without_a_size_has_no_left_half():
     with krylux.open(scipy.sparse.eye_array(48, format="csr")) as lab:
         assert lab.shape == (1, 48)

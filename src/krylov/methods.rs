@@ -92,7 +92,7 @@ methods! {
     Lsqr           "lsqr"             [true, false]  None        [9, 0]  [1, 2] Lsqr::solver;
     Lsmr           "lsmr"             [true, false]  None        [10, 0] [1, 2] Lsmr::solver;
     Jacobi         "jacobi"           [false, false] Box         [7, 0]  [0, 1] |_, b, options| ProjectedJacobi::solver(b, options);
-    Fista          "fista"            [true, false]  Box         [11, 0] [1, 2] |_, b, options| Fista::solver(b, options);
+    Fista          "fista"            [true, false]  Box         [11, 0] [1, 2] Fista::solver;
     KrylovBox      "krylov-box"       [false, false] Box         [14, 2] [0, 1] |_, b, options| KrylovBox::solver(b, options);
     Mrnsd          "mrnsd"            [true, false]  NonNegative [7, 0]  [1, 2] |_, b, options| Mrnsd::solver(b, options);
     Multiplicative "multiplicative"   [true, false]  NonNegative [8, 0]  [2, 2] |_, b, options| Multiplicative::solver(b, options);
@@ -120,9 +120,12 @@ impl Method {
     ///
     /// # Errors
     /// The errors of the method's `new`. [`Error::Dimension`] if the method is for square systems and `b` does not have the length `cols`.
+    /// FISTA is for square systems unless the options have `x0` and `diagonal`.
     pub fn solver(self, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
-        if !matches!(self, Self::Lsqr | Self::Lsmr) {
-            square(b.len(), cols)?;
+        match self {
+            Self::Lsqr | Self::Lsmr => {}
+            Self::Fista if options.x0.is_some() && options.diagonal.is_some() => {}
+            _ => square(b.len(), cols)?,
         }
         state(self, cols, b, options)
     }

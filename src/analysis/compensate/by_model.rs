@@ -75,6 +75,7 @@ pub fn compensate_by_model(
         let found = answer.of(solved)?;
         // This pattern is as good as the model allows, and further products with the model cannot improve it.
         let good = found.residual < found.uncompensated_residual && (boxed || found.good);
-        return Ok(Compensation { good, photos: history.len(), history, ..found });
+        // A bound for the model is none for the scene.
+        return Ok(Compensation { good, photos: history.len(), history, least_residual: None, ..found });
     }
 }

@@ -8,6 +8,7 @@
 //! | all methods at equal numbers of photos | [`compare_methods`] |
 //! | another target for a scene that is already captured | [`compensate_by_model`] |
 
+mod bound;
 mod by_model;
 mod compare;
 mod crosstalk;
@@ -17,6 +18,8 @@ mod mixture;
 mod options;
 mod run;
 mod target;
+#[cfg(test)]
+mod tests_of_two_sizes;
 mod two_sizes;
 
 pub use by_model::{Photograph, compensate_by_model};
@@ -66,6 +69,9 @@ pub struct Compensation {
     pub residual: f64,
     /// The residual of the pattern before clipping, as the method computes it.
     pub unclipped_residual: f64,
+    /// A residual that no pattern in [floor, 1] falls below. It follows from the method's products with the transpose. `None` if there
+    /// are no such products, if they are noisy, or if they exclude nothing.
+    pub least_residual: Option<f64>,
     /// The residual of `uncompensated`.
     pub uncompensated_residual: f64,
     /// One row per photo of the method, before clipping.

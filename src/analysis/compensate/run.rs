@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::bound::Bounded;
 use super::crosstalk::{Crosstalk, Mixed, planes};
 use super::defocus::Defocus;
 use super::mixture::Mixture;
@@ -33,6 +34,8 @@ pub(super) struct Solved {
     pub(super) answers: Vec<Planes>,
     /// The number of frames that the camera had taken for the method after each photo; empty if photos are computed.
     pub(super) frames: Vec<u64>,
+    /// A residual that no pattern inside the box falls below, if one is known.
+    pub(super) least: Option<f64>,
 }
 
 pub(super) struct Run<'a> {
@@ -72,30 +75,33 @@ impl Run<'_> {
         let systems = |planes: &[Vec<f64>]| if is_coupled { vec![planes.concat()] } else { planes.to_vec() };
         let (b, white, starts) =
             (systems(self.b), systems(self.white), starts.map(|starts| systems(&starts)));
-        let (mut solutions, mut answers, mut frames) = (Vec::new(), Vec::new(), Vec::new());
+        let mut found = Vec::new();
         for (index, operator) in operators.into_iter().enumerate() {
             // With crosstalk, the white photo is brighter than the product of a channel's operator with ones.
             let white = white[index].iter().map(|value| value / whites[index]).collect();
             let start = starts.as_ref().map(|starts| starts[index].clone());
-            let (solution, answer, taken) = if self.target.has_one_size() {
+            found.push(if self.target.has_one_size() {
                 let setup = ((!is_coupled).then_some(index), white, start);
                 let options = self.solve_options(operator, method, photos, setup, whites[index])?;
                 kept(method, operator, &b[index], &options, keep)?
             } else {
                 two_sizes::solve(self, operator, index, method, photos, keep)?
-            };
-            solutions.push(solution);
-            answers.push(answer);
-            frames.push(taken);
+            });
         }
+        let least =
+            found.iter().any(|of| of.least > 0.0).then(|| self.total(found.iter().map(|of| of.least)));
+        let answers = self.in_lockstep(&found.iter().map(|of| of.answers.as_slice()).collect::<Vec<_>>());
+        let frames = sums(&found.iter().map(|of| of.frames.as_slice()).collect::<Vec<_>>());
+        let solutions: Vec<Solution> = found.into_iter().map(|of| of.solution).collect();
         Ok(Solved {
             patterns: self.patterns(solutions.iter().map(|found| found.x.clone()).collect()),
             residual: self.total(solutions.iter().map(|found| found.residual)),
             history: self.history(&solutions),
             photos: solutions.iter().map(|found| found.stats.products).max().unwrap_or(0),
             status: least_good(&solutions),
-            answers: self.in_lockstep(&answers),
-            frames: sums(&frames),
+            answers,
+            frames,
+            least,
         })
     }
 
@@ -108,10 +114,10 @@ impl Run<'_> {
     }
 
     /// The patterns of all systems after each photo. A system that has ended keeps its last pattern.
-    fn in_lockstep(&self, answers: &[Vec<Vec<f64>>]) -> Vec<Planes> {
-        let most = answers.iter().map(Vec::len).max().unwrap_or(0);
+    fn in_lockstep(&self, answers: &[&[Vec<f64>]]) -> Vec<Planes> {
+        let most = answers.iter().map(|of| of.len()).max().unwrap_or(0);
         let at = |index: usize| {
-            let one = |answer: &Vec<Vec<f64>>| answer.get(index).or(answer.last()).cloned();
+            let one = |answer: &&[Vec<f64>]| answer.get(index).or(answer.last()).cloned();
             answers.iter().map(one).collect::<Option<Planes>>()
         };
         (0..most).filter_map(at).map(|answers| self.patterns(answers)).collect()
@@ -243,14 +249,22 @@ fn probe(operator: &mut dyn Operator) -> Result<(Vec<f64>, Vec<f64>)> {
 }
 
 /// The total number of frames of all systems after each photo. A system that has ended takes no more frames.
-fn sums(frames: &[Vec<u64>]) -> Vec<u64> {
-    let most = frames.iter().map(Vec::len).max().unwrap_or(0);
+fn sums(frames: &[&[u64]]) -> Vec<u64> {
+    let most = frames.iter().map(|of| of.len()).max().unwrap_or(0);
     let at = |index: usize| frames.iter().filter_map(|of| of.get(index).or(of.last())).sum();
     (0..most).map(at).collect()
 }
 
-/// A solution, the patterns after each photo if they are stored, and the number of frames after each photo.
-pub(super) type Kept = (Solution, Vec<Vec<f64>>, Vec<u64>);
+/// The result of one system.
+pub(super) struct Kept {
+    pub(super) solution: Solution,
+    /// The patterns after each photo, if they are stored.
+    pub(super) answers: Vec<Vec<f64>>,
+    /// The number of frames after each photo.
+    frames: Vec<u64>,
+    /// A residual that no vector inside the box falls below. It is 0 if nothing is known.
+    pub(super) least: f64,
+}
 
 /// Solves a system, and stores the pattern after each photo if `keep` is set.
 pub(super) fn kept(
@@ -267,9 +281,11 @@ pub(super) fn kept(
         }
         observer.step(step)
     };
-    let mut recorded = Recorded::of_frames(operator);
+    let mut bounded = Bounded::new(operator, b, [options.lower, options.upper]);
+    let mut recorded = Recorded::of_frames(&mut bounded);
     let solution = solve_adjoint(method, &mut Relayed::new(&mut recorded, relay), b, options)?;
-    Ok((solution, answers, recorded.frames))
+    let frames = recorded.frames;
+    Ok(Kept { solution, answers, frames, least: bounded.least() })
 }
 
 /// The least successful status, because a single channel within its tolerance says nothing about the other channels.
@@ -332,6 +348,7 @@ impl Answer<'_> {
             peak,
             residual,
             unclipped_residual: solved.residual,
+            least_residual: solved.least.filter(|least| *least > ROUNDING),
             uncompensated_residual,
             history: solved.history,
             baseline: Vec::new(),

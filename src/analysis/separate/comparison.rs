@@ -2,7 +2,7 @@
 
 use crate::analysis::low_rank::{LowRankCapture, capture};
 use crate::analysis::planes::{Planes, difference, norm, relative_error, relative_to, sum};
-use crate::analysis::probe::{Probing, probe};
+use crate::analysis::probe::{Homes, Probing, probe};
 use crate::analysis::separate::{SeparateBy, Separation, from_capture, separate};
 use crate::error::Result;
 use crate::finding::Ratio;
@@ -73,7 +73,8 @@ pub fn compare_separations<O: Operator>(
     Ok(rows)
 }
 
-/// Global light, split by the distance between the pixel where it starts and the pixel where it returns.
+/// Global light, split by the distance between the pixel where it starts and the pixel where it returns. The distance is in pixels of the
+/// projector.
 #[derive(Clone, Debug)]
 pub struct NearFar {
     /// Light with the weight `exp(−d²/2σ²)` for a distance of `d` pixels.
@@ -102,24 +103,74 @@ pub struct NearFarOptions {
 }
 
 /// Probes the near part of `light`, which is the global light of each channel under white. `global` holds the operators of the global light
-/// (`n × n`), and `matrices` holds their true matrices, if known.
+/// (`m × n`), and `matrices` holds their true matrices, if known. The resolution is that of patterns, and the homes are as for [`probe`].
 pub fn near_far<O: Operator>(
     global: &mut [O],
-    resolution: Resolution,
+    (resolution, homes): (Resolution, Option<&Homes>),
     options: NearFarOptions,
     light: &Planes,
     matrices: Option<&[Csr]>,
 ) -> Result<NearFar> {
     let NearFarOptions { sigma, photos, seed } = options;
     let probing = Probing::Near { sigma };
-    let one = |operator: &mut O| probe(operator, (resolution, None), probing, photos, seed);
+    let one = |operator: &mut O| probe(operator, (resolution, homes), probing, photos, seed);
     let found = global.iter_mut().map(one).collect::<Result<Vec<_>>>()?;
     let near: Planes = found.iter().map(|found| found.values.clone()).collect();
     let errors: Planes = found.into_iter().map(|found| found.standard_errors).collect();
     let error = matrices.and_then(|matrices| {
-        let truth: Planes = matrices.iter().map(|matrix| probing.exact(matrix, resolution, None)).collect();
+        let truth: Planes = matrices.iter().map(|matrix| probing.exact(matrix, resolution, homes)).collect();
         relative_error(&near, &truth).value()
     });
     let far = difference(light, &near);
     Ok(NearFar { far, noise: relative_to(norm(&errors), &near, &errors), near, sigma, photos, error })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::SparseOperator;
+
+    #[test]
+    fn near_light_between_two_sizes_is_that_of_the_dense_matrix() -> Result<()> {
+        let (camera, projector) = (Resolution::new(8, 6), Resolution::new(5, 4));
+        let place = |pixel: usize, size: Resolution| [pixel % size.width, pixel / size.width];
+        let home = |row: usize| {
+            let [x, y] = place(row, camera);
+            y * projector.height / camera.height * projector.width + x * projector.width / camera.width
+        };
+        // The first pixel of the camera sees nothing that the projector lights.
+        let homes: Vec<Option<usize>> =
+            (0..camera.pixels()).map(|row| (row > 0).then(|| home(row))).collect();
+        let weight = |row: usize, column: usize| ((row * 7 + column * 11) % 13) as f64 / 13.0;
+        let (rows, columns) = (camera.pixels(), projector.pixels());
+        let entries = (0..rows).flat_map(|row| (0..columns).map(move |column| weight(row, column))).collect();
+        let starts = (0..=rows).map(|row| row * columns).collect();
+        let matrix =
+            Csr::new(columns, starts, (0..columns as u32).cycle().take(rows * columns).collect(), entries)?;
+
+        let sigma = 1.2;
+        let dense = |home_of: &dyn Fn(usize) -> usize| -> Vec<f64> {
+            let near = |row: usize, column: usize| {
+                let ([x, y], [u, v]) = (place(home_of(row), projector), place(column, projector));
+                (-0.5 * (x.abs_diff(u).pow(2) + y.abs_diff(v).pow(2)) as f64 / (sigma * sigma)).exp()
+            };
+            let sum = |row| (0..columns).map(|column| near(row, column) * weight(row, column)).sum();
+            (0..rows).map(|row| if row > 0 { sum(row) } else { 0.0 }).collect()
+        };
+        let light = vec![matrix.times(&vec![1.0; columns])];
+        let options = NearFarOptions { sigma, photos: 4000, seed: 3 };
+        let mut operators = [SparseOperator::new(matrix.clone())];
+        let found = near_far(&mut operators, (projector, Some(&homes)), options, &light, Some(&[matrix]))?;
+        let noise = found.noise.value().unwrap_or(f64::NAN);
+        let error = |truth: Vec<f64>| relative_error(&found.near, &vec![truth]).value().unwrap_or(f64::NAN);
+        // The norm of the error is that of the standard errors up to the spread of some tens of independent values. The kernel, which is
+        // cut at four deviations, adds less than 1e-3.
+        let [right, wrong] = [error(dense(&home)), error(dense(&|row| columns - 1 - home(row)))];
+        assert!(noise < 0.05 && right < 1.6 * noise + 1e-3, "{right} {noise}");
+        assert!(wrong > 1.6 * noise + 1e-3, "the homes of a mirrored projector pass: {wrong} {noise}");
+        assert!((found.error.unwrap_or(f64::NAN) - right).abs() < 1e-12);
+        assert!(relative_error(&sum(&found.near, &found.far), &light).value().is_some_and(|of| of < 1e-12));
+        assert_eq!(found.near[0][0], 0.0);
+        Ok(())
+    }
 }

@@ -55,10 +55,23 @@ pub(crate) fn npz_options(bytes: u64) -> SimpleFileOptions {
 }
 
 /// The maximum size in bytes of a member that is read at any compression ratio.
-pub(super) const MAX_EXPANDED_BYTES: u64 = 1 << 28;
+const MAX_EXPANDED_BYTES: u64 = 1 << 28;
 
 /// The maximum compression ratio of a larger member. This limit prevents a small malicious file from filling the memory.
-pub(super) const MAX_EXPANSION: u64 = 64;
+const MAX_EXPANSION: u64 = 64;
+
+/// All bytes of `unpacked`, which reads what `packed` holds.
+pub(super) fn expand(packed: &[u8], unpacked: impl Read) -> std::result::Result<Vec<u8>, String> {
+    let most = MAX_EXPANDED_BYTES.max(MAX_EXPANSION * packed.len() as u64);
+    let mut bytes = Vec::new();
+    match unpacked.take(most + 1).read_to_end(&mut bytes) {
+        Err(error) => Err(format!("cannot be unpacked: {error}")),
+        Ok(_) if bytes.len() as u64 > most => {
+            Err(format!("of {} bytes expands to more than {most}", packed.len()))
+        }
+        Ok(_) => Ok(bytes),
+    }
+}
 
 /// An `.npz` archive whose arrays are read by name.
 pub(super) struct Archive<'a> {
@@ -79,6 +92,10 @@ impl<'a> Archive<'a> {
 
     pub(super) fn fault(&self, what: impl Into<String>) -> Error {
         unusable(self.path, what.into())
+    }
+
+    pub(super) fn unfit(&self) -> Error {
+        self.fault("its arrays do not fit together")
     }
 
     /// The names of the arrays, in alphabetical order.

@@ -47,8 +47,11 @@ struct Axes {
     strides: [usize; 5],
 }
 
-/// The array as a matrix; see [`super::read_file`].
-pub(super) fn from_array(path: &Path, array: &npy::Array) -> Result<MatrixFile> {
+/// The array as a matrix, by the rules of [`super::read_file`]. `path` is used in messages.
+///
+/// # Errors
+/// [`Error::Data`] if the axes have no meaning, if the shape is empty or too large, or if an entry is NaN or infinite.
+pub fn from_array(path: &Path, array: &npy::Array) -> Result<MatrixFile> {
     let shape = array.shape.as_slice();
     let text = shape.iter().map(usize::to_string).collect::<Vec<_>>().join("×");
     let strides: Vec<usize> = (0..shape.len()).map(|axis| shape[axis + 1..].iter().product()).collect();

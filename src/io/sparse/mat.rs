@@ -1,11 +1,11 @@
 //! MATLAB's files of version 5 (`save -v6` and `-v7`), by MathWorks' description of the format, "MAT-File Level 5".
 
-use std::io::Read;
 use std::path::Path;
 
 use flate2::read::ZlibDecoder;
 
-use super::archive::{MAX_EXPANDED_BYTES, MAX_EXPANSION};
+use super::archive::expand;
+use super::npz::{are_starts, line_of};
 use super::{Entry, MatrixFile, dense, from_entries, unusable};
 use crate::error::{Error, Result};
 use crate::file;
@@ -52,7 +52,8 @@ pub(super) fn read(path: &Path) -> Result<MatrixFile> {
         let unpacked;
         let content = match kind {
             COMPRESSED => {
-                unpacked = unpack(content).map_err(|what| fault(&what))?;
+                unpacked = expand(content, ZlibDecoder::new(content))
+                    .map_err(|what| fault(&format!("a variable {what}")))?;
                 let (kind, inner) = Reader { bytes: &unpacked, is_little }.element(false).ok_or_else(cut)?;
                 if kind == MATRIX { inner } else { continue }
             }
@@ -72,19 +73,6 @@ pub(super) fn read(path: &Path) -> Result<MatrixFile> {
         Some((_, Variable::Dense(array))) => dense::from_array(path, &array),
         Some((_, Variable::Sparse(shape, entries))) => Ok(from_entries(path, shape, entries)?.into()),
         None => Err(fault("it has no variable that is a matrix of real numbers")),
-    }
-}
-
-fn unpack(packed: &[u8]) -> std::result::Result<Vec<u8>, String> {
-    let most = MAX_EXPANDED_BYTES.max(MAX_EXPANSION * packed.len() as u64);
-    let mut bytes = Vec::new();
-    let unpacked = ZlibDecoder::new(packed).take(most + 1).read_to_end(&mut bytes);
-    match unpacked {
-        Err(error) => Err(format!("a variable cannot be unpacked: {error}")),
-        Ok(_) if bytes.len() as u64 > most => {
-            Err(format!("a variable of {} bytes expands to more than {most}", packed.len()))
-        }
-        Ok(_) => Ok(bytes),
     }
 }
 
@@ -173,20 +161,13 @@ fn variable(mut content: Reader<'_>) -> Option<Option<(String, Variable)>> {
     if class == SPARSE {
         let &[rows, cols] = shape.as_slice() else { return None };
         let (indices, starts, values) = (content.indices()?, content.indices()?, content.numbers()?);
-        let count = *starts.last()?;
-        let fits = starts.len() == cols.checked_add(1)?
-            && starts.first() == Some(&0)
-            && starts.is_sorted()
-            && count <= indices.len().min(values.len());
-        if !fits {
+        // There may be room for more entries.
+        if !are_starts(&starts, cols, *starts.last()?) || *starts.last()? > indices.len().min(values.len()) {
             return None;
         }
-        let entry = |column: usize| {
-            let of_column = starts[column]..starts[column + 1];
-            let (indices, values) = (&indices[of_column.clone()], &values[of_column]);
-            indices.iter().zip(values).map(move |(&row, &value)| (row, column, value))
-        };
-        return Some(Some((name, Variable::Sparse([rows, cols], (0..cols).flat_map(entry).collect()))));
+        let columns = line_of(&starts).zip(indices).zip(values);
+        let entries = columns.map(|((column, row), value)| (row, column, value)).collect();
+        return Some(Some((name, Variable::Sparse([rows, cols], entries))));
     }
     let values = content.numbers()?;
     let count = shape.iter().try_fold(1_usize, |product, &length| product.checked_mul(length))?;

@@ -15,6 +15,7 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::sparse::Csr;
 pub(crate) use archive::{FirstError, add_format_to_npz, add_to_npz, npz_options};
+pub use dense::from_array;
 pub use mtx::write_mtx;
 pub use npz::write_npz;
 

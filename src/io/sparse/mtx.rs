@@ -1,12 +1,13 @@
 //! The Matrix Market exchange format.
 
-use std::io::{self, Read, Write};
+use std::io::{self, Write};
 use std::path::Path;
+use std::str::FromStr;
 
 use flate2::read::MultiGzDecoder;
 
 use super::super::atomic;
-use super::archive::{MAX_EXPANDED_BYTES, MAX_EXPANSION};
+use super::archive::expand;
 use super::{
     Beside, Entry, MatrixFile, Pictures, ProductNoise, from_entries, pictures, require_sides, unusable,
 };
@@ -113,8 +114,7 @@ pub(super) fn read(path: &Path) -> Result<MatrixFile> {
         !line.starts_with('%') && !line.trim().is_empty()
     });
     let (number, sizes) = rest.next().ok_or_else(|| unusable(path, "it ends before its sizes".into()))?;
-    let sizes: Option<Vec<usize>> = sizes.split_whitespace().map(|word| word.parse().ok()).collect();
-    let (shape, count) = match (sizes.as_deref(), kind.is_array) {
+    let (shape, count) = match (numbers(sizes).as_deref(), kind.is_array) {
         (Some(&[rows, cols, count]), false) => ([rows, cols], Some(count)),
         (Some(&[rows, cols]), true) => ([rows, cols], None),
         (_, true) => return Err(fault(number, "expected rows and columns")),
@@ -142,16 +142,9 @@ fn read_text(path: &Path) -> Result<String> {
         return file::read_text(path);
     }
     let packed = file::read(path)?;
-    let most = MAX_EXPANDED_BYTES.max(MAX_EXPANSION * packed.len() as u64);
-    let mut text = String::new();
-    MultiGzDecoder::new(packed.as_slice())
-        .take(most + 1)
-        .read_to_string(&mut text)
-        .map_err(|error| unusable(path, format!("it cannot be unpacked: {error}")))?;
-    if text.len() as u64 > most {
-        return Err(unusable(path, format!("its {} bytes expand to more than {most}", packed.len())));
-    }
-    Ok(text)
+    let text = expand(&packed, MultiGzDecoder::new(packed.as_slice()));
+    text.and_then(|bytes| String::from_utf8(bytes).map_err(|_| "is no text".into()))
+        .map_err(|what| unusable(path, format!("its content {what}")))
 }
 
 /// The entries as listed, and those at mirrored positions.
@@ -164,6 +157,10 @@ fn mirrored(kind: Kind, mut entries: Vec<Entry>) -> Vec<Entry> {
         }
     }
     entries
+}
+
+fn numbers<T: FromStr>(words: &str) -> Option<Vec<T>> {
+    words.split_whitespace().map(|word| word.parse().ok()).collect()
 }
 
 /// The value on a line; 1 for a pattern. `None` if there is none, or more than that.
@@ -242,14 +239,10 @@ fn add_notes(path: &Path, file: &mut MatrixFile, kind: Kind, notes: &[(usize, &s
                 }
             }
             "camera_shape" | "projector_shape" => {
-                let sides: Option<Vec<usize>> =
-                    rest.split_whitespace().map(|word| word.parse().ok()).collect();
-                shapes[usize::from(name == "projector_shape")] = sides.ok_or_else(fault)?;
+                shapes[usize::from(name == "projector_shape")] = numbers(rest).ok_or_else(fault)?;
             }
             "noise" => {
-                let values: Option<Vec<f64>> =
-                    rest.split_whitespace().map(|word| word.parse().ok()).collect();
-                let noise = values.and_then(|values| ProductNoise::of(&values));
+                let noise = numbers(rest).and_then(|values| ProductNoise::of(&values));
                 file.noise = Some(noise.ok_or_else(fault)?);
             }
             _ => return Err(fault()),
@@ -268,20 +261,22 @@ fn add_notes(path: &Path, file: &mut MatrixFile, kind: Kind, notes: &[(usize, &s
 mod tests {
     use super::*;
 
-    #[test]
-    fn comments_and_empty_lines_are_no_entries() {
+    fn read_again(text: &str) -> Result<MatrixFile> {
         let folder = tempfile::tempdir().expect("a temporary folder can be made");
         let path = folder.path().join("a.mtx");
-        let text = "%%MatrixMarket matrix coordinate real general\n% by hand\n\n2 3 2\n% one\n1 3 2.5\n\n2 1 -1\n%\n";
         std::fs::write(&path, text).expect("the folder can be written");
+        read(&path)
+    }
+
+    #[test]
+    fn comments_and_empty_lines_are_no_entries() {
+        let text = "%%MatrixMarket matrix coordinate real general\n% by hand\n\n2 3 2\n% one\n1 3 2.5\n\n2 1 -1\n%\n";
         let expected = Csr::new(3, vec![0, 1, 2], vec![2, 0], vec![2.5, -1.0]).expect("a matrix");
-        assert_eq!(read(&path).expect("it is whole"), MatrixFile::from(expected));
+        assert_eq!(read_again(text).expect("it is whole"), MatrixFile::from(expected));
     }
 
     #[test]
     fn lines_with_more_words_than_they_have_numbers_are_refused_by_their_number() {
-        let folder = tempfile::tempdir().expect("a temporary folder can be made");
-        let path = folder.path().join("a.mtx");
         for (sizes, entry, line) in [
             ("2 2 1", "1 1 2.5 7", 3),
             ("2 2 1", "1 1 2.5 x", 3),
@@ -289,8 +284,7 @@ mod tests {
             ("2 2 1 x", "1 1 2", 2),
         ] {
             let text = format!("%%MatrixMarket matrix coordinate real general\n{sizes}\n{entry}\n");
-            std::fs::write(&path, text).expect("the folder can be written");
-            let why = read(&path).expect_err("a word too many").to_string();
+            let why = read_again(&text).expect_err("a word too many").to_string();
             assert!(why.contains(&format!("a.mtx: line {line}: expected ")), "{why}");
         }
     }

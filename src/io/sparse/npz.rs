@@ -126,9 +126,8 @@ fn compressed(
     let minor = archive.indices(&format!("{prefix}indices"))?;
     let weights = archive.array(&format!("{prefix}data"))?.values;
     let (lines, limit, what) = if by_columns { (cols, rows, "row") } else { (rows, cols, "column") };
-    check_starts(archive, &starts, lines, minor.len())?;
-    if minor.len() != weights.len() {
-        return Err(archive.fault("its arrays do not fit together"));
+    if !are_starts(&starts, lines, minor.len()) || minor.len() != weights.len() {
+        return Err(archive.unfit());
     }
     if minor.iter().any(|&index| index >= limit) {
         return Err(archive.fault(format!("a {what} index is not below {limit}")));
@@ -140,16 +139,14 @@ fn compressed(
     Ok(entries.collect())
 }
 
-fn check_starts(archive: &Archive<'_>, starts: &[usize], lines: usize, count: usize) -> Result<()> {
-    let fits = starts.len() == lines + 1
-        && starts.first() == Some(&0)
-        && starts.last() == Some(&count)
-        && starts.is_sorted();
-    if fits { Ok(()) } else { Err(archive.fault("its arrays do not fit together")) }
+/// Whether these are the starts of so many compressed lines, and the end of their `count` entries.
+pub(super) fn are_starts(starts: &[usize], lines: usize, count: usize) -> bool {
+    let ends = [starts.first(), starts.last()] == [Some(&0), Some(&count)];
+    ends && starts.len().checked_sub(1) == Some(lines) && starts.is_sorted()
 }
 
 /// The line of each entry.
-fn line_of(starts: &[usize]) -> impl Iterator<Item = usize> {
+pub(super) fn line_of(starts: &[usize]) -> impl Iterator<Item = usize> {
     starts.windows(2).enumerate().flat_map(|(line, ends)| std::iter::repeat_n(line, ends[1] - ends[0]))
 }
 
@@ -157,14 +154,10 @@ fn coordinates(archive: &mut Archive<'_>) -> Result<Vec<Entry>> {
     let (rows, columns) = (archive.indices("row")?, archive.indices("col")?);
     let weights = archive.array("data")?.values;
     if rows.len() != weights.len() || columns.len() != weights.len() {
-        return Err(archive.fault("its arrays do not fit together"));
+        return Err(archive.unfit());
     }
-    Ok(rows
-        .into_iter()
-        .zip(columns)
-        .zip(weights)
-        .map(|((row, column), value)| (row, column, value))
-        .collect())
+    let entries = rows.into_iter().zip(columns).zip(weights);
+    Ok(entries.map(|((row, column), value)| (row, column, value)).collect())
 }
 
 /// Compressed rows of dense blocks.
@@ -177,8 +170,10 @@ fn blocks(archive: &mut Archive<'_>, [rows, cols]: [usize; 2]) -> Result<Vec<Ent
     if height * width == 0 {
         return Err(archive.fault("its blocks are empty"));
     }
+    if !are_starts(&starts, rows / height, count) {
+        return Err(archive.unfit());
+    }
     let fits = rows.is_multiple_of(height) && cols.is_multiple_of(width) && count == columns.len();
-    check_starts(archive, &starts, rows / height, count)?;
     if !fits || columns.iter().any(|&column| column >= cols / width) {
         return Err(archive.fault("its blocks do not fit its shape"));
     }
@@ -197,7 +192,7 @@ fn diagonals(archive: &mut Archive<'_>, [rows, cols]: [usize; 2]) -> Result<Vec<
         return Err(archive.fault("its diagonals are no array of two axes"));
     };
     if count != offsets.len() {
-        return Err(archive.fault("its arrays do not fit together"));
+        return Err(archive.unfit());
     }
     let entries =
         offsets.into_iter().zip(data.values.chunks(length.max(1))).flat_map(|(offset, diagonal)| {

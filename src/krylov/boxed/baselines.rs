@@ -29,7 +29,7 @@ impl ProjectedJacobi {
     /// [`Error::Dimension`](crate::Error::Dimension) if lengths differ, [`Error::Numerical`](crate::Error::Numerical) for NaN,
     /// [`Error::Option`](crate::Error::Option) for a preconditioner or an empty box.
     pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
-        let (system, boxed) = Boxed::new("projected Jacobi", b, options)?;
+        let (system, boxed) = Boxed::new("projected Jacobi", b.len(), b, options)?;
         Ok(Solver::new(system, Self { boxed, next: vec![0.0; b.len()] }))
     }
 }
@@ -75,7 +75,7 @@ impl Mrnsd {
     /// product is `A 1`. Fails with the errors of [`ProjectedJacobi::solver`](crate::krylov::boxed::ProjectedJacobi::solver).
     pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
-        let (system, boxed) = Boxed::new("MRNSD", b, &options)?;
+        let (system, boxed) = Boxed::new("MRNSD", b.len(), b, &options)?;
         Ok(Solver::new(system, Self { boxed, s: vec![0.0; b.len()], gamma: 0.0, descend: false }))
     }
 }
@@ -149,7 +149,7 @@ impl Multiplicative {
     /// product is `A 1`. Fails with the errors of [`ProjectedJacobi::solver`](crate::krylov::boxed::ProjectedJacobi::solver).
     pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let options = SolveOptions { lower: 0.0, upper: f64::INFINITY, ..options.clone() };
-        let (system, boxed) = Boxed::new("multiplicative updates", b, &options)?;
+        let (system, boxed) = Boxed::new("multiplicative updates", b.len(), b, &options)?;
         let (numerator, image) = (Vec::new(), vec![0.0; b.len()]);
         Ok(Solver::new(system, Self { boxed, numerator, image, forward: true }))
     }

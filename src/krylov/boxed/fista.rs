@@ -7,8 +7,7 @@ use crate::krylov::completeness::Status;
 use crate::krylov::linear::{Advance, Recurrence, SolveOptions, Solver, System};
 use crate::operator::Adjoint;
 
-/// FISTA with adaptive restart: minimizes `½ ‖A x − b‖²` over the box, for any square `A` of `n × n` with its
-/// transpose, in the metric of `D`:
+/// FISTA with adaptive restart: minimizes `½ ‖A x − b‖²` over the box, for any `A` of `m × n` with its transpose, in the metric of `D`:
 ///
 /// ```text
 /// x⁺ = clip(y − (L D)⁻¹ Aᵀ(A y − b)),    y⁺ = x⁺ + (t − 1)/t⁺ · (x⁺ − x)
@@ -24,8 +23,8 @@ use crate::operator::Adjoint;
 pub struct Fista {
     boxed: Boxed,
     y: Vec<f64>,
-    /// `b − A y`, and later `Aᵀ (b − A y)`.
-    gradient: Vec<f64>,
+    /// `b − A y`.
+    misfit: Vec<f64>,
     /// The residual `b − A x` of the previous iterate, and the previous iterate.
     r_old: Vec<f64>,
     x_old: Vec<f64>,
@@ -37,24 +36,25 @@ pub struct Fista {
 }
 
 impl Fista {
-    /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and
-    /// `diagonal` of the options; without `diagonal` the first product is `A 1`. Fails with the errors of
+    /// Makes the state before the first step, for `x` of length `cols`. Reads `x0`, `lower`, `upper` and `diagonal` of the options. If
+    /// `A` is square, both may be missing; without `diagonal` the first product is `A 1`. Fails with the errors of
     /// [`ProjectedJacobi::solver`](crate::krylov::boxed::ProjectedJacobi::solver).
-    pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
-        let (system, boxed) = Boxed::new("FISTA", b, options)?;
-        let [y, gradient, r_old, x_old, scratch] = [(); 5].map(|()| vec![0.0; b.len()]);
+    pub fn solver(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
+        let (system, boxed) = Boxed::new("FISTA", cols, b, options)?;
+        let [y, x_old, scratch] = [(); 3].map(|()| vec![0.0; cols]);
+        let [misfit, r_old] = [(); 2].map(|()| vec![0.0; b.len()]);
         let (lipschitz, t, forward, first) = (0.0, 1.0, true, true);
-        let recurrence = Self { boxed, y, gradient, r_old, x_old, scratch, lipschitz, t, forward, first };
+        let recurrence = Self { boxed, y, misfit, r_old, x_old, scratch, lipschitz, t, forward, first };
         Ok(Solver::new(system, recurrence))
     }
 
     /// Computes the next `y` and its residual from the product with `x`.
-    fn extrapolate(&mut self, system: &System) {
+    fn extrapolate(&mut self, system: &mut System) {
         let mut momentum = 0.0;
         if !self.first {
             // The last step must satisfy ‖A(x − y)‖² ≤ L ‖x − y‖²_D.
-            update2(&mut self.scratch, &system.r, &self.gradient, |_, rx, ry| rx - ry);
-            let change = dot(&self.scratch, &self.scratch);
+            update2(&mut system.work, &system.r, &self.misfit, |_, rx, ry| rx - ry);
+            let change = dot(&system.work, &system.work);
             update2(&mut self.scratch, &system.x, &self.y, |_, x, y| x - y);
             update(&mut self.scratch, &self.boxed.diagonal, |step, d| step * d.sqrt());
             let step = dot(&self.scratch, &self.scratch);
@@ -72,7 +72,7 @@ impl Fista {
             }
         }
         update2(&mut self.y, &system.x, &self.x_old, |_, x, old| x + momentum * (x - old));
-        update2(&mut self.gradient, &system.r, &self.r_old, |_, r, old| r + momentum * (r - old));
+        update2(&mut self.misfit, &system.r, &self.r_old, |_, r, old| r + momentum * (r - old));
         self.x_old.copy_from_slice(&system.x);
         self.r_old.copy_from_slice(&system.r);
         self.first = false;
@@ -94,10 +94,10 @@ impl Recurrence for Fista {
             self.forward = false;
             return Ok(Advance::Continuing);
         }
-        system.tally.adjoint(operator, &self.gradient, &mut system.work)?;
+        system.tally.adjoint(operator, &self.misfit, &mut self.scratch)?;
         let (bounds, lipschitz) = (self.boxed.bounds, self.lipschitz);
         system.x.copy_from_slice(&self.y);
-        update2(&mut system.x, &system.work, &self.boxed.diagonal, |y, g, d| {
+        update2(&mut system.x, &self.scratch, &self.boxed.diagonal, |y, g, d| {
             bounds.clip(y + g / (lipschitz * d))
         });
         self.forward = true;

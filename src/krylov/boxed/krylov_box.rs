@@ -73,7 +73,7 @@ impl KrylovBox {
         if let Some(surrogate) = &options.surrogate {
             Error::check_size("the surrogate's rows and columns", b.len(), surrogate.size())?;
         }
-        let (system, boxed) = Boxed::new("krylov-box", b, options)?;
+        let (system, boxed) = Boxed::new("krylov-box", b.len(), b, options)?;
         let recurrence = Self {
             boxed,
             white_known: options.diagonal.is_some(),

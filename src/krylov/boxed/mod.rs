@@ -11,7 +11,7 @@ mod krylov_box;
 mod model;
 mod sweep;
 
-use super::basis::{dot, update, update2};
+use super::basis::{dot, update2};
 use super::linear::{SolveOptions, System};
 use super::powers::{exponent, power, scale, scaled};
 use crate::error::{Error, Result};
@@ -52,19 +52,19 @@ struct Boxed {
 }
 
 impl Boxed {
-    fn new(method: &str, b: &[f64], options: &SolveOptions) -> Result<(System, Self)> {
+    fn new(method: &str, cols: usize, b: &[f64], options: &SolveOptions) -> Result<(System, Self)> {
         if options.preconditioner.is_some() {
             return Err(Error::option("--precondition", format!("{method} takes no preconditioner"))
                 .help("give it a diagonal instead"));
         }
-        let mut system = System::new(b.len(), b, options)?;
+        let mut system = System::new(cols, b, options)?;
         let bounds = Bounds { lower: options.lower, upper: options.upper };
         system.pending = true;
         system.tally.residual = f64::INFINITY;
         system.tally.best = f64::INFINITY;
         let mut boxed = Self { bounds, diagonal: Vec::new(), given_start: options.x0.is_some() };
         if let Some(diagonal) = &options.diagonal {
-            Error::check_size("the diagonal's length", b.len(), diagonal.len())?;
+            Error::check_size("the diagonal's length", cols, diagonal.len())?;
             let mut diagonal = diagonal.clone();
             let largest = diagonal.iter().fold(0.0_f64, |largest, d| largest.max(d.abs()));
             let operator_power = power(exponent(largest));
@@ -133,7 +133,7 @@ impl Boxed {
     fn start(&self, System { x, b, .. }: &mut System) {
         let bounds = self.bounds;
         if self.given_start {
-            update(x, b, |x, _| bounds.clip(x));
+            x.iter_mut().for_each(|x| *x = bounds.clip(*x));
         } else if self.diagonal.is_empty() {
             x.fill(bounds.clip(0.0));
         } else {

@@ -1,5 +1,7 @@
 //! The parameters of an editable scene, each with a path such as `sheet.albedo`, `sheet.vertices` or `camera.position`.
 
+use std::slice::from_mut;
+
 use glam::{Vec2, Vec3};
 
 use super::pose::{PARAMETERS, of_camera, set_camera};
@@ -82,47 +84,46 @@ impl Range {
     }
 }
 
+/// The numbers of a factor: one, or three of a colour.
+type Factor = fn(&mut Material) -> &mut [f32];
+
 /// The factors of a material, in the order of the list of parameters.
-const FACTORS: [(&str, Range); 14] = [
-    ("albedo", Range::Fraction),
-    ("opacity", Range::Fraction),
-    ("metallic", Range::Fraction),
-    ("roughness", Range::Fraction),
-    ("specular", Range::Fraction),
-    ("specular_color", Range::NotNegative),
-    ("ior", Range::Ior),
-    ("emission", Range::NotNegative),
-    ("transmission", Range::Fraction),
-    ("diffuse_transmission", Range::Fraction),
-    ("diffuse_transmission_color", Range::Fraction),
-    ("attenuation_color", Range::Fraction),
-    ("attenuation_distance", Range::Positive),
-    ("normal_scale", Range::Finite),
+const FACTORS: [(&str, Range, Factor); 14] = [
+    ("albedo", Range::Fraction, |of| of.base_color.as_mut()),
+    ("opacity", Range::Fraction, |of| from_mut(&mut of.opacity)),
+    ("metallic", Range::Fraction, |of| from_mut(&mut of.metallic)),
+    ("roughness", Range::Fraction, |of| from_mut(&mut of.roughness)),
+    ("specular", Range::Fraction, |of| from_mut(&mut of.specular)),
+    ("specular_color", Range::NotNegative, |of| of.specular_color.as_mut()),
+    ("ior", Range::Ior, |of| from_mut(&mut of.ior)),
+    ("emission", Range::NotNegative, |of| of.emission.as_mut()),
+    ("transmission", Range::Fraction, |of| from_mut(&mut of.transmission)),
+    ("diffuse_transmission", Range::Fraction, |of| from_mut(&mut of.diffuse_transmission)),
+    ("diffuse_transmission_color", Range::Fraction, |of| of.diffuse_transmission_color.as_mut()),
+    ("attenuation_color", Range::Fraction, |of| volume(of).attenuation_color.as_mut()),
+    ("attenuation_distance", Range::Positive, |of| from_mut(&mut volume(of).attenuation_distance)),
+    ("normal_scale", Range::Finite, |of| from_mut(&mut of.normal_scale)),
 ];
 
 const DOUBLE_SIDED: &str = "double_sided";
 const GEOMETRY: [&str; 5] = ["vertices", "faces", "normals", "uv", "uv_2"];
 
-/// The numbers of a factor: one, or three of a colour. A material without a volume gets one where a factor of it is asked for.
-fn factor<'a>(material: &'a mut Material, name: &str) -> &'a mut [f32] {
-    let clear = Volume { attenuation_color: Vec3::ONE, attenuation_distance: f32::INFINITY };
-    let number = std::slice::from_mut::<f32>;
-    match name {
-        "albedo" => material.base_color.as_mut(),
-        "opacity" => number(&mut material.opacity),
-        "metallic" => number(&mut material.metallic),
-        "roughness" => number(&mut material.roughness),
-        "specular" => number(&mut material.specular),
-        "specular_color" => material.specular_color.as_mut(),
-        "ior" => number(&mut material.ior),
-        "emission" => material.emission.as_mut(),
-        "transmission" => number(&mut material.transmission),
-        "diffuse_transmission" => number(&mut material.diffuse_transmission),
-        "diffuse_transmission_color" => material.diffuse_transmission_color.as_mut(),
-        "attenuation_color" => material.volume.get_or_insert(clear).attenuation_color.as_mut(),
-        "attenuation_distance" => number(&mut material.volume.get_or_insert(clear).attenuation_distance),
-        _ => number(&mut material.normal_scale),
-    }
+/// A material without a volume gets a clear one.
+fn volume(of: &mut Material) -> &mut Volume {
+    of.volume.get_or_insert(Volume { attenuation_color: Vec3::ONE, attenuation_distance: f32::INFINITY })
+}
+
+fn factor(name: &str) -> Option<(Range, Factor)> {
+    FACTORS.iter().find(|(factor, ..)| *factor == name).map(|&(_, range, numbers)| (range, numbers))
+}
+
+/// The place of a picture in a material.
+fn slot<'a>(material: &'a mut Material, property: &str) -> Option<&'a mut Option<TextureRef>> {
+    material
+        .texture_slots()
+        .into_iter()
+        .find(|(role, _)| texture_name(role) == property)
+        .map(|(_, slot)| slot)
 }
 
 /// Whether a factor affects the material as it is.
@@ -155,12 +156,10 @@ impl EditableScene {
     /// factors and pictures; of `camera` and `projector` `position`, `forward`, `up`, `vertical_fov` (in degrees), `aperture_radius` and
     /// `focus_distance`.
     pub fn parameters(&self) -> Vec<String> {
-        let meshes =
-            self.meshes.iter().map(|mesh| (mesh.name.as_str(), GEOMETRY.map(str::to_owned).to_vec()));
+        let meshes = self.meshes.iter().map(|of| (of.name.as_str(), GEOMETRY.map(str::to_owned).to_vec()));
         let materials = self.materials.iter().map(|of| (of.name.as_str(), properties(of)));
-        let cameras = [("camera", &self.camera), ("projector", &self.projector)];
-        let cameras = cameras.into_iter().filter(|(_, camera)| camera.is_some());
-        let cameras = cameras.map(|(name, _)| (name, PARAMETERS.map(str::to_owned).to_vec()));
+        // Those that the scene does not have have no values.
+        let cameras = ["camera", "projector"].map(|name| (name, PARAMETERS.map(str::to_owned).to_vec()));
         meshes
             .chain(materials)
             .chain(cameras)
@@ -219,15 +218,12 @@ impl EditableScene {
         let (name, property) = path.rsplit_once('.').unwrap_or((path, ""));
         let mesh = || self.meshes.iter().position(|mesh| mesh.name == name).map(Object::Mesh);
         let material = || self.materials.iter().position(|of| of.name == name).map(Object::Material);
-        let is_texture = |property| {
-            Material::default().texture_slots().iter().any(|(role, _)| texture_name(role) == property)
-        };
-        let is_factor = FACTORS.iter().any(|(factor, _)| *factor == property);
+        let is_texture = |property| slot(&mut Material::default(), property).is_some();
         let object = match property {
             _ if name == "camera" && PARAMETERS.contains(&property) => Some(Object::Camera),
             _ if name == "projector" && PARAMETERS.contains(&property) => Some(Object::Projector),
             _ if GEOMETRY.contains(&property) => mesh(),
-            _ if is_factor || property == DOUBLE_SIDED || is_texture(property) => material(),
+            _ if factor(property).is_some() || property == DOUBLE_SIDED || is_texture(property) => material(),
             _ => None,
         };
         object.map(|object| (object, property)).ok_or_else(|| {
@@ -242,9 +238,7 @@ impl EditableScene {
     fn of_material(&self, material: &Material, property: &str) -> Option<Value> {
         // The tables of slots give places to write to, so a copy is asked.
         let mut material = material.clone();
-        if let Some((_, slot)) =
-            material.texture_slots().into_iter().find(|(role, _)| texture_name(role) == property)
-        {
+        if let Some(slot) = slot(&mut material, property) {
             let texture = self.textures.get(slot.as_ref()?.texture as usize)?;
             return Some(Value::Picture { width: texture.width, texels: texture.texels.clone() });
         }
@@ -255,11 +249,12 @@ impl EditableScene {
             _ if !has_effect(&material, property) => return None,
             _ => {}
         }
-        Some(match *factor(&mut material, property) {
-            [x, y, z] => Vec3::new(x, y, z).into(),
-            [number, ..] => number.into(),
-            [] => return None,
-        })
+        let (_, numbers) = factor(property)?;
+        match *numbers(&mut material) {
+            [x, y, z] => Some(Vec3::new(x, y, z).into()),
+            [number, ..] => Some(number.into()),
+            [] => None,
+        }
     }
 
     /// Sets a texture. A texture that other materials share stays as it is for them.
@@ -279,14 +274,12 @@ impl EditableScene {
                 format!("give an array of shape (h, w, 3) or (h, w, 4), of 1 to {MAX_SIDE} pixels a side");
             return Err((format!("it has {width}×{height} pixels"), help));
         }
+        let Some(&mut old) = slot(&mut self.materials[material], property) else {
+            return Err(("it is no picture".into(), "give numbers".into()));
+        };
         let uses = |index: u32| {
             self.materials.iter().flat_map(Material::textures).filter(|(_, of)| of.texture == index).count()
         };
-        let slot_of = |material: &mut Material| {
-            let slot = material.texture_slots().into_iter().find(|(role, _)| texture_name(role) == property);
-            slot.and_then(|(_, slot)| *slot)
-        };
-        let old = slot_of(&mut self.materials[material].clone());
         let (name, height) = (property.to_owned(), height as u32);
         if let Some((of, texture)) = old.and_then(|of| Some((of, self.textures.get(of.texture as usize)?))) {
             let new = Texture { width, height, texels, ..texture.clone() };
@@ -301,11 +294,7 @@ impl EditableScene {
         }
         let texture = self.textures.len() as u32 - 1;
         let new = old.map_or(TextureRef::new(texture), |of| TextureRef { texture, ..of });
-        let slots = self.materials[material].texture_slots();
-        match slots.into_iter().find(|(role, _)| texture_name(role) == property) {
-            Some((_, slot)) => *slot = Some(new),
-            None => return Err(("it is no picture".into(), "give numbers".into())),
-        }
+        slot(&mut self.materials[material], property).into_iter().for_each(|slot| *slot = Some(new));
         Ok(())
     }
 }
@@ -314,7 +303,7 @@ impl EditableScene {
 pub(super) type Fault = (String, String);
 
 fn properties(material: &Material) -> Vec<String> {
-    let factors = FACTORS.iter().map(|(name, _)| (*name).to_owned());
+    let factors = FACTORS.iter().map(|(name, ..)| (*name).to_owned());
     let textures = material.textures().map(|(role, _)| texture_name(role));
     factors.chain([DOUBLE_SIDED.to_owned()]).chain(textures).collect()
 }
@@ -341,13 +330,13 @@ fn set_material(material: &mut Material, property: &str, value: Value) -> std::r
         material.double_sided = flag;
         return Ok(());
     }
-    let Some((_, range)) = FACTORS.iter().find(|(name, _)| *name == property) else {
+    let Some((range, slots)) = factor(property) else {
         return Err((
             "it is no picture".into(),
             "give an array of shape (h, w, 3) or (h, w, 4), uint8".into(),
         ));
     };
-    let is_color = factor(&mut material.clone(), property).len() == 3;
+    let is_color = slots(&mut material.clone()).len() == 3;
     let expected = if is_color { "a number, or three of a colour" } else { "a number" };
     let values = numbers(value, expected)?;
     for &value in &values {
@@ -361,7 +350,7 @@ fn set_material(material: &mut Material, property: &str, value: Value) -> std::r
     {
         material.alpha_mode = AlphaMode::Blend;
     }
-    let slot = factor(material, property);
+    let slot = slots(material);
     match values[..] {
         [number] => slot.fill(number),
         _ if values.len() == slot.len() => slot.copy_from_slice(&values),

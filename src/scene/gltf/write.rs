@@ -200,55 +200,55 @@ fn strength(of: &Material) -> f32 {
     2_f32.powi(exponent.min(127))
 }
 
+/// The keys of textures, and the textures, if there are any.
+type Slots<'a> = &'a [(&'a str, &'a Option<TextureRef>)];
+
 fn extensions(of: &Material, used: &mut Vec<&'static str>) -> Map<String, Value> {
-    let mut extensions = Map::new();
     let mut specular = json!({ "specularFactor": of.specular });
     if of.specular_color != Vec3::ONE {
         specular["specularColorFactor"] = json!(of.specular_color.to_array());
     }
-    put(&mut specular, "specularTexture", &of.specular_texture, used);
-    put(&mut specular, "specularColorTexture", &of.specular_color_texture, used);
-    extensions.insert("KHR_materials_specular".into(), specular);
-    let mut extend = |name: &'static str, is_used: bool, value: Value| {
-        if is_used {
-            extensions.insert(name.into(), value);
-            note(used, name);
+    let mut volume = json!({ "thicknessFactor": 1.0 });
+    if let Some(of) = of.volume {
+        volume["attenuationColor"] = json!(of.attenuation_color.to_array());
+        if of.attenuation_distance.is_finite() {
+            volume["attenuationDistance"] = json!(of.attenuation_distance);
         }
-    };
-    extend("KHR_materials_ior", of.ior != 1.5, json!({ "ior": of.ior }));
+    }
     let strength = strength(of);
-    let is_bright = strength > 1.0;
-    extend("KHR_materials_emissive_strength", is_bright, json!({ "emissiveStrength": strength }));
-    let volume = of.volume.map(|volume| {
-        let mut value =
-            json!({ "thicknessFactor": 1.0, "attenuationColor": volume.attenuation_color.to_array() });
-        if volume.attenuation_distance.is_finite() {
-            value["attenuationDistance"] = json!(volume.attenuation_distance);
-        }
-        value
-    });
-    extend("KHR_materials_volume", volume.is_some(), json!(volume));
-    let mut textured =
-        |name: &'static str, is_used: bool, mut value: Value, textures: &[(&str, &Option<TextureRef>)]| {
-            if is_used || textures.iter().any(|(_, texture)| texture.is_some()) {
-                textures.iter().for_each(|(key, texture)| put(&mut value, key, texture, used));
-                extensions.insert(name.into(), value);
-                note(used, name);
-            }
-        };
-    let transmission = json!({ "transmissionFactor": of.transmission });
-    let textures = [("transmissionTexture", &of.transmission_texture)];
-    textured("KHR_materials_transmission", of.transmission != 0.0, transmission, &textures);
     let diffuse = json!({
         "diffuseTransmissionFactor": of.diffuse_transmission,
         "diffuseTransmissionColorFactor": of.diffuse_transmission_color.to_array(),
     });
-    let is_used = of.diffuse_transmission != 0.0 || of.diffuse_transmission_color != Vec3::ONE;
-    let textures = [
+    let is_diffuse = of.diffuse_transmission != 0.0 || of.diffuse_transmission_color != Vec3::ONE;
+    let of_specular =
+        [("specularTexture", &of.specular_texture), ("specularColorTexture", &of.specular_color_texture)];
+    let of_diffuse = [
         ("diffuseTransmissionTexture", &of.diffuse_transmission_texture),
         ("diffuseTransmissionColorTexture", &of.diffuse_transmission_color_texture),
     ];
-    textured("KHR_materials_diffuse_transmission", is_used, diffuse, &textures);
+    // The name, whether the factors need it, the factors, and the textures, which need it as well.
+    let all: [(_, bool, Value, Slots<'_>); 6] = [
+        ("KHR_materials_specular", true, specular, &of_specular),
+        ("KHR_materials_ior", of.ior != 1.5, json!({ "ior": of.ior }), &[]),
+        ("KHR_materials_emissive_strength", strength > 1.0, json!({ "emissiveStrength": strength }), &[]),
+        ("KHR_materials_volume", of.volume.is_some(), volume, &[]),
+        (
+            "KHR_materials_transmission",
+            of.transmission != 0.0,
+            json!({ "transmissionFactor": of.transmission }),
+            &[("transmissionTexture", &of.transmission_texture)],
+        ),
+        ("KHR_materials_diffuse_transmission", is_diffuse, diffuse, &of_diffuse),
+    ];
+    let mut extensions = Map::new();
+    for (name, is_used, mut value, textures) in all {
+        if is_used || textures.iter().any(|(_, texture)| texture.is_some()) {
+            textures.iter().for_each(|(key, texture)| put(&mut value, key, texture, used));
+            extensions.insert(name.into(), value);
+            note(used, name);
+        }
+    }
     extensions
 }
 

@@ -89,6 +89,7 @@ impl Compensated {
         content.fact("relative_residual", found.residual);
         content.fact("relative_residual_unclipped", found.unclipped_residual);
         content.fact("relative_residual_uncompensated", found.uncompensated_residual);
+        content.fact("relative_residual_least", found.least_residual);
         content.fact("relative_residual_jacobi", found.baseline.last().map(|row| row.residual));
         content.fact("clipped", found.unclipped.is_some());
         content.fact("likeness", found.similarity);
@@ -126,6 +127,12 @@ impl Compensated {
         let [residual, unclipped, uncompensated] =
             [found.residual, found.unclipped_residual, found.uncompensated_residual].map(|of| decimal(of, 4));
         content.line(format_args!("residual  {residual} of the target; {uncompensated} uncompensated"));
+        if let Some(least) = found.least_residual {
+            content.line(format_args!(
+                "least     no pattern in the range has a residual below {}",
+                decimal(least, 4)
+            ));
+        }
         if let Some(row) = found.baseline.last() {
             content.line(format_args!(
                 "baseline  {} by projected Jacobi with as many photos (not counted)",

@@ -39,6 +39,9 @@ impl Compensated {
         page.contact_sheet("White comes first, then those that measure a preconditioner, if any, then those of the method; those that only show or compare (the result, the uncompensated target, other methods) come last.")?;
         page.fact("Peak", format_args!("{} {}", decimal(found.peak, 5), page.unit.clone()));
         page.fact("Photos before the method's", found.preparation);
+        if let Some(least) = found.least_residual {
+            page.fact("Least residual possible", decimal(least, 4));
+        }
         if self.options.lift > 0.0 {
             page.fact("Target moved to", format_args!("[{}, 1]", self.options.lift));
         }
