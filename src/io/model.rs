@@ -7,7 +7,7 @@
 //! | `photos-C.npy` | `W = G Q`, where `G` is `A` without direct light: `k×H×W` of the camera's pixels, `f64` |
 //! | `direct-C.npy` or `.npz` | the direct light: an image `H×W`, or a sparse matrix if it is not diagonal |
 //! | `ambient.npy` | the photo without the projector |
-//! | `captured-C.npy`, `pixels-C.npy`, `missing-C.npy` | of a model that was fitted to captures, what its errors follow from ([`CapturedArrays`]) |
+//! | `captured-C.npy`, `pixels-C.npy`, `missing-C.npy`, `near-C.npz` | of a model that was fitted to captures, what its errors follow from ([`CapturedArrays`]) |
 //!
 //! NumPy and SciPy read all of these files. With the direct light `d`, the photo of a pattern `x` is
 //! `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`. The last term is present only in symmetric models.
@@ -73,8 +73,8 @@ pub struct CapturedArrays {
     pub pixels: Vec<Vec<f64>>,
     /// Pairs of photo and camera pixel that were saturated.
     pub missing: Vec<[u32; 2]>,
-    /// Whether there is a map from camera to projector.
-    pub has_homes: bool,
+    /// The light of two or more bounces near the homes (`m × n`), if there is a map from camera to projector.
+    pub near: Option<Csr>,
     /// The scales of the prior, by name.
     pub scales: BTreeMap<String, f64>,
 }
@@ -126,7 +126,7 @@ struct ChannelRecord {
 struct CapturedRecord {
     photos: usize,
     missing: usize,
-    has_homes: bool,
+    has_near: bool,
     scales: BTreeMap<String, f64>,
 }
 
@@ -251,8 +251,8 @@ impl ModelArrays {
                     None => None,
                     Some(captured) => {
                         let sizes = [record.projector, record.resolution];
-                        Some(CapturedArrays::read(captured, sizes, |name| {
-                            whole(format!("{name}-{channel}.npy"))
+                        Some(CapturedArrays::read(captured, sizes, |name, extension| {
+                            whole(format!("{name}-{channel}.{extension}"))
                         })?)
                     }
                 },
@@ -286,10 +286,13 @@ impl CapturedArrays {
         array("pixels", &shape(self.pixels.len(), camera), &self.pixels.concat())?;
         let missing: Vec<f64> = self.missing.as_flattened().iter().copied().map(f64::from).collect();
         array("missing", &[self.missing.len(), 2], &missing)?;
+        if let Some(near) = &self.near {
+            sparse::write(&path(format!("near-{channel}.npz")), near)?;
+        }
         Ok(CapturedRecord {
             photos: self.patterns.len(),
             missing: self.missing.len(),
-            has_homes: self.has_homes,
+            has_near: self.near.is_some(),
             scales: self.scales.clone(),
         })
     }
@@ -297,17 +300,18 @@ impl CapturedArrays {
     fn read(
         record: &CapturedRecord,
         [projector, camera]: [Resolution; 2],
-        path: impl Fn(&str) -> Result<PathBuf>,
+        path: impl Fn(&str, &str) -> Result<PathBuf>,
     ) -> Result<Self> {
         let rows = |values: Vec<f64>, size: Resolution| {
             values.chunks(size.pixels().max(1)).map(<[f64]>::to_vec).collect::<Vec<_>>()
         };
-        let patterns = numbers(&path("captured")?, &[record.photos, projector.height, projector.width])?;
-        let pixels = npy::read_npy(&path("pixels")?)?;
+        let patterns =
+            numbers(&path("captured", "npy")?, &[record.photos, projector.height, projector.width])?;
+        let pixels = npy::read_npy(&path("pixels", "npy")?)?;
         if pixels.shape != [4, camera.height, camera.width] {
-            return Err(unusable(&path("pixels")?, "its shape is not that of four pictures".into()));
+            return Err(unusable(&path("pixels", "npy")?, "its shape is not that of four pictures".into()));
         }
-        let file = path("missing")?;
+        let file = path("missing", "npy")?;
         let missing = numbers(&file, &[record.missing, 2])?;
         let missing = missing.as_chunks::<2>().0.iter().map(|pair| pair.map(|index| index as u32));
         let missing: Vec<[u32; 2]> = missing.collect();
@@ -321,7 +325,7 @@ impl CapturedArrays {
             patterns: rows(patterns, projector),
             pixels: rows(pixels.values, camera),
             missing,
-            has_homes: record.has_homes,
+            near: if record.has_near { Some(sparse::read(&path("near", "npz")?)?) } else { None },
             scales: record.scales.clone(),
         })
     }

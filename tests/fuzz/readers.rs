@@ -367,6 +367,7 @@ fn write_model(folder: &Path) {
         patterns: vec![vec![0.5; 4]; 2],
         photos: vec![vec![0.25; 4]; 2],
         direct,
+        captured: None,
     });
     let model = ModelArrays {
         channels: channels.into_iter().take(1).collect(),

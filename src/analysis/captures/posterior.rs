@@ -35,8 +35,8 @@ pub struct PosteriorState {
 }
 
 impl PosteriorState {
-    /// The state as arrays for a file.
-    pub fn arrays(&self) -> CapturedArrays {
+    /// The state as arrays for a file, with the sparse matrix of the model's global part.
+    pub fn arrays(&self, near: Option<Csr>) -> CapturedArrays {
         let place = |axis: usize| {
             let home = |j: usize| self.homes.get(j).copied().flatten().map_or(f64::NAN, |home| home[axis]);
             (0..self.levels.len()).map(home).collect()
@@ -49,17 +49,17 @@ impl PosteriorState {
             patterns: self.patterns.clone(),
             pixels: vec![place(0), place(1), self.levels.clone(), self.noise.clone()],
             missing: self.missing.clone(),
-            has_homes: !self.homes.is_empty(),
+            near,
             scales,
         }
     }
 
     /// The state from the arrays of a file; `None` if a scale is missing.
-    pub fn from_arrays(arrays: CapturedArrays, projector: Resolution) -> Option<Self> {
+    pub fn from_arrays(arrays: CapturedArrays, projector: Resolution, has_homes: bool) -> Option<Self> {
         let prior = serde_json::from_value(serde_json::to_value(arrays.scales).ok()?).ok()?;
         let [x, y, levels, noise] = <[Vec<f64>; 4]>::try_from(arrays.pixels).ok()?;
         let home = |(x, y): (&f64, &f64)| Some([*x, *y]).filter(|[x, y]| x.is_finite() && y.is_finite());
-        let homes = if arrays.has_homes { x.iter().zip(&y).map(home).collect() } else { Vec::new() };
+        let homes = if has_homes { x.iter().zip(&y).map(home).collect() } else { Vec::new() };
         let CapturedArrays { patterns, missing, .. } = arrays;
         Some(Self { patterns, projector, prior, homes, levels, noise, missing })
     }
@@ -130,39 +130,26 @@ impl Posterior {
         &self.state.noise
     }
 
-    /// The window of direct light of a camera pixel, with the scale of its entries.
-    fn window(&self, pixel: usize) -> (Vec<(usize, f64)>, f64) {
+    /// The prior's columns around the home of a camera pixel: entries, and whether they are direct light.
+    fn columns(&self, pixel: usize) -> Vec<(bool, Vec<(usize, f64)>)> {
         let PosteriorState { prior, homes, projector, levels, .. } = &*self.state;
         let home = homes.get(pixel).copied().flatten();
-        let window = home.map_or_else(Vec::new, |home| prior.window(*projector, home));
-        (window, levels[pixel] * projector.pixels() as f64 * prior.direct)
-    }
-
-    /// The products of the prior's columns of direct light with a vector, given by its entries at the window's pixels.
-    fn columns<T>(
-        &self,
-        (window, scale): &(Vec<(usize, f64)>, f64),
-        of: impl Fn(usize, f64) -> T,
-        sum: impl Fn(Vec<T>) -> T,
-    ) -> Vec<T> {
-        if window.is_empty() {
-            return Vec::new();
-        }
-        let spread = self.state.prior.spread;
-        let whole = sum(window.iter().map(|&(pixel, share)| of(pixel, scale * share)).collect());
-        let each = window.iter().map(|&(pixel, share)| of(pixel, scale * spread * share.sqrt()));
-        std::iter::once(whole).chain(each).collect()
+        let mut columns = home.map_or_else(Vec::new, |home| prior.columns(*projector, home));
+        let scale = levels[pixel] * projector.pixels() as f64;
+        columns.iter_mut().flat_map(|(_, entries)| entries).for_each(|(_, entry)| *entry *= scale);
+        columns
     }
 
     fn covariance(&self, pixel: usize) -> Result<Covariance> {
         let PosteriorState { prior, levels, noise, projector, .. } = &*self.state;
-        let scaled = |at: usize, factor: f64| self.basis.pixels[at].iter().map(|v| factor * v).collect();
-        let total = |columns: Vec<Vec<f64>>| {
-            let mut sum = vec![0.0; self.basis.values.len()];
-            columns.iter().for_each(|column| sum.iter_mut().zip(column).for_each(|(a, b)| *a += b));
-            sum
+        let seen = |(_, entries): (bool, Vec<(usize, f64)>)| {
+            let mut column = vec![0.0; self.basis.values.len()];
+            for (at, entry) in entries {
+                column.iter_mut().zip(&self.basis.pixels[at]).for_each(|(sum, value)| *sum += entry * value);
+            }
+            column
         };
-        let mut columns = self.columns(&self.window(pixel), scaled, total);
+        let mut columns: Vec<Vec<f64>> = self.columns(pixel).into_iter().map(seen).collect();
         let level = levels[pixel];
         if let Some(gaps) = self.gaps.get(pixel) {
             let unknown = UNKNOWN.sqrt() * level * projector.pixels() as f64;
@@ -204,42 +191,33 @@ impl Posterior {
     /// The rows of `A` as a model of low rank with direct light apart. Fails with [`Error::Numerical`] if a value is not finite.
     pub fn model(&self, pairs: &Pairs) -> Result<LowRank> {
         let PosteriorState { prior, levels, projector, .. } = &*self.state;
-        let row = |pixel: usize| -> Result<(Vec<f64>, Vec<(usize, f64)>)> {
+        let row = |pixel: usize| -> Result<Row> {
             let covariance = self.covariance(pixel)?;
             let solved = covariance.solve(&self.turned(&pairs.photos, pixel));
-            let window = self.window(pixel);
-            let shares: Vec<f64> = covariance.columns.iter().map(|column| dot(column, &solved)).collect();
-            let (whole, spread) = (shares.first().copied().unwrap_or(0.0), prior.spread);
-            let direct = window.0.iter().enumerate().map(|(at, &(pixel, share))| {
-                (pixel, window.1 * (share * whole + spread * share.sqrt() * shares[at + 1]))
-            });
-            let direct = direct.collect();
+            let (mut direct, mut near) = (BTreeMap::new(), BTreeMap::new());
+            for ((is_direct, entries), column) in self.columns(pixel).into_iter().zip(&covariance.columns) {
+                let share = dot(column, &solved);
+                let part = if is_direct { &mut direct } else { &mut near };
+                entries
+                    .into_iter()
+                    .for_each(|(at, entry)| *part.entry(at as u32).or_insert(0.0) += share * entry);
+            }
             let square = (levels[pixel] * prior.global).powi(2);
-            Ok((solved.into_iter().map(|value| square * value).collect(), direct))
+            Ok(Row { smooth: solved.into_iter().map(|value| square * value).collect(), direct, near })
         };
-        let rows: Vec<_> = (0..levels.len()).into_par_iter().map(row).collect::<Result<_>>()?;
+        let rows: Vec<Row> = (0..levels.len()).into_par_iter().map(row).collect::<Result<_>>()?;
         let (basis, photos) = self.orthonormal(&rows)?;
         let model = LowRank::new(basis, photos, Vec::new(), false)?.with_posterior(self.clone());
         if self.state.homes.is_empty() {
             return Ok(model);
         }
-        let entries = rows
-            .iter()
-            .enumerate()
-            .flat_map(|(row, (_, direct))| direct.iter().map(move |&(column, value)| (row, column, value)));
-        let mut row_start = vec![0; levels.len() + 1];
-        let (mut columns, mut weights) = (Vec::new(), Vec::new());
-        for (row, column, value) in entries {
-            row_start[row + 1] += 1;
-            columns.push(column as u32);
-            weights.push(value);
-        }
-        (0..levels.len()).for_each(|row| row_start[row + 1] += row_start[row]);
-        model.with_direct_matrix(Csr::new(projector.pixels(), row_start, columns, weights)?)
+        let [direct, near] = [|row: &Row| row.direct.clone(), |row: &Row| row.near.clone()]
+            .map(|part| sparse(projector.pixels(), rows.iter().map(part)));
+        model.with_direct_matrix(direct?)?.with_near_matrix(near?)
     }
 
     /// The global part as orthonormal patterns and their photos.
-    fn orthonormal(&self, rows: &[(Vec<f64>, Vec<(usize, f64)>)]) -> Result<(Vec<Vec<f64>>, Vec<Vec<f64>>)> {
+    fn orthonormal(&self, rows: &[Row]) -> Result<(Vec<Vec<f64>>, Vec<Vec<f64>>)> {
         let smooth = &self.basis.smooth;
         let products: Vec<Vec<f64>> =
             smooth.par_iter().map(|a| smooth.iter().map(|b| dot(a, b)).collect()).collect();
@@ -259,7 +237,7 @@ impl Posterior {
         };
         let photo = |&i: &usize| -> Vec<f64> {
             let length = values[i].sqrt();
-            (0..rows.len()).map(|at| combined(&|k, at| rows[at].0[k], at, i) * length).collect()
+            (0..rows.len()).map(|at| combined(&|k, at| rows[at].smooth[k], at, i) * length).collect()
         };
         Ok((kept.par_iter().map(pattern).collect(), kept.par_iter().map(photo).collect()))
     }
@@ -273,15 +251,17 @@ impl Posterior {
         seen.iter_mut().for_each(|value| *value *= prior.global.powi(2));
         let error = |pixel: usize| -> f64 {
             let square = levels[pixel].powi(2);
-            let of = |at: usize, factor: f64| factor * pattern[at];
-            let shares = self.columns(&self.window(pixel), of, |values| values.iter().sum());
+            let share = |(_, entries): &(bool, Vec<(usize, f64)>)| -> f64 {
+                entries.iter().map(|&(at, entry)| entry * pattern[at]).sum()
+            };
+            let shares: Vec<f64> = self.columns(pixel).iter().map(share).collect();
             let Ok(covariance) = self.covariance(pixel) else { return f64::INFINITY };
             let mut known: Vec<f64> = seen.iter().map(|value| square * value).collect();
             for (share, column) in shares.iter().zip(&covariance.columns) {
                 known.iter_mut().zip(column).for_each(|(known, value)| *known += share * value);
             }
-            let direct: f64 = shares.iter().map(|share| share * share).sum();
-            let all = square * prior.global.powi(2) * before + direct;
+            let around: f64 = shares.iter().map(|share| share * share).sum();
+            let all = square * prior.global.powi(2) * before + around;
             prior.scale * (all - covariance.quadratic(&known)).max(0.0).sqrt()
         };
         (0..levels.len()).into_par_iter().map(error).collect()
@@ -290,3 +270,21 @@ impl Posterior {
 
 /// Patterns whose share of the model is below this, relative to the strongest, are rounding errors.
 const RANK: f64 = 1e-12;
+
+/// The row of a camera pixel: its light in the basis of smooth patterns, and its entries around the home.
+struct Row {
+    smooth: Vec<f64>,
+    direct: BTreeMap<u32, f64>,
+    near: BTreeMap<u32, f64>,
+}
+
+/// A sparse matrix of these rows.
+fn sparse(columns: usize, rows: impl Iterator<Item = BTreeMap<u32, f64>>) -> Result<Csr> {
+    let (mut row_start, mut indices, mut weights) = (vec![0], Vec::new(), Vec::new());
+    for row in rows {
+        indices.extend(row.keys());
+        weights.extend(row.values());
+        row_start.push(indices.len());
+    }
+    Csr::new(columns, row_start, indices, weights)
+}

@@ -18,6 +18,10 @@ pub struct Prior {
     pub spread: f64,
     /// The standard deviation in projector pixels of the window of direct light.
     pub width: f64,
+    /// The standard deviation of indirect light from around the home, as of one of [`BUMPS`] bumps, in units of `s n`.
+    pub near: f64,
+    /// The distance between bumps in projector pixels.
+    pub spacing: f64,
     /// The standard deviation of the noise: in units of the noise that repeated photos tell, or else of the row's average photo.
     pub noise: f64,
     /// The factor of all standard errors that photos which were left out have asked for, at least 1.
@@ -27,12 +31,28 @@ pub struct Prior {
 /// The variance of the constant part of global light, relative to that of the part that varies.
 const CONSTANT: f64 = 0.25;
 
+/// The bumps of indirect light on each side of the home, along each axis.
+const BUMPS: i32 = 2;
+
+/// The standard deviation of a bump, relative to the distance between bumps.
+const OVERLAP: f64 = 0.6;
+
 impl Prior {
     /// The start of the search. `noise_is_known` tells whether repeated photos told the noise.
     pub(super) fn start(projector: Resolution, noise_is_known: bool) -> Self {
         let noise = if noise_is_known { 1.0 } else { 0.02 };
         let reach = 0.15 * projector.width.max(projector.height) as f64;
-        Self { reach, global: 1.0, direct: 0.3, spread: 0.3, width: 0.6, noise, scale: 1.0 }
+        Self {
+            reach,
+            global: 0.5,
+            direct: 0.3,
+            spread: 0.3,
+            width: 0.6,
+            near: 0.02,
+            spacing: 2.0,
+            noise,
+            scale: 1.0,
+        }
     }
 
     /// The product of the kernel of global light with a pattern, `K x` (`n`), for `global = 1`. The kernel is a Gaussian of the distance in
@@ -61,24 +81,27 @@ impl Prior {
         smooth
     }
 
-    /// The window of direct light around a home: projector pixels, and their shares, which sum to 1. Empty for a home outside the projector.
-    pub(super) fn window(&self, projector: Resolution, [x, y]: [f64; 2]) -> Vec<(usize, f64)> {
-        let reach = 2.5 * self.width.max(0.4);
-        let range = |at: f64, length: usize| {
-            let [low, high] = [(at - reach).ceil().max(0.0), (at + reach).floor().min(length as f64 - 1.0)];
-            low as usize..if high < low { low as usize } else { high as usize + 1 }
-        };
-        let share = |u: usize, v: usize| {
-            let square = (u as f64 - x).powi(2) + (v as f64 - y).powi(2);
-            (-0.5 * square / self.width.powi(2)).exp()
-        };
-        let rows = range(y, projector.height);
-        let pixels = rows.flat_map(|v| range(x, projector.width).map(move |u| (u, v)));
-        let window: Vec<(usize, f64)> = pixels.map(|(u, v)| (v * projector.width + u, share(u, v))).collect();
-        let most = window.iter().map(|(_, share)| *share).fold(0.0, f64::max);
-        let kept: Vec<(usize, f64)> = window.into_iter().filter(|(_, share)| *share > 0.01 * most).collect();
-        let sum: f64 = kept.iter().map(|(_, share)| share).sum();
-        kept.into_iter().map(|(pixel, share)| (pixel, share / sum)).collect()
+    /// The columns of the prior around a home, in units of `s n`: entries at projector pixels, and whether they are direct light. The first
+    /// is the whole window of direct light; the next let each of its pixels vary; the last are bumps of indirect light, which is strong near
+    /// the home where surfaces meet.
+    pub(super) fn columns(&self, projector: Resolution, home: [f64; 2]) -> Vec<(bool, Vec<(usize, f64)>)> {
+        let window = bump(projector, home, self.width, 0.01);
+        let whole = window.iter().map(|&(pixel, share)| (pixel, self.direct * share)).collect();
+        let each = window
+            .iter()
+            .map(|&(pixel, share)| (true, vec![(pixel, self.direct * self.spread * share.sqrt())]));
+        let steps = || (-BUMPS..=BUMPS).map(f64::from);
+        let bumps = steps().flat_map(|v| steps().map(move |u| [u, v])).map(|[u, v]| {
+            let centre = [home[0] + u * self.spacing, home[1] + v * self.spacing];
+            let fall = self.near * (-0.5 * (u * u + v * v) / f64::from(BUMPS * BUMPS)).exp();
+            let entries = bump(projector, centre, OVERLAP * self.spacing, 0.02);
+            (false, entries.into_iter().map(|(pixel, share)| (pixel, fall * share)).collect())
+        });
+        std::iter::once((true, whole))
+            .chain(each)
+            .chain(bumps)
+            .filter(|(_, entries)| !entries.is_empty())
+            .collect()
     }
 
     /// The scales that the search varies, each with its limits. `noise_is_known` fixes the noise.
@@ -88,10 +111,33 @@ impl Prior {
             scales.push((&mut self.direct, [1e-4, 10.0]));
             scales.push((&mut self.spread, [0.02, 2.0]));
             scales.push((&mut self.width, [0.3, 2.5]));
+            scales.push((&mut self.near, [1e-4, 1.0]));
+            scales.push((&mut self.spacing, [1.0, 8.0]));
         }
         if !noise_is_known {
             scales.push((&mut self.noise, [1e-5, 1.0]));
         }
         scales
     }
+}
+
+/// A Gaussian of this width around a place: projector pixels, and their shares, which sum to 1. Pixels with less than `least` of the largest
+/// share are left out. Empty for a place outside the projector.
+fn bump(projector: Resolution, [x, y]: [f64; 2], width: f64, least: f64) -> Vec<(usize, f64)> {
+    let reach = 3.0 * width.max(0.4);
+    let range = |at: f64, length: usize| {
+        let [low, high] = [(at - reach).ceil().max(0.0), (at + reach).floor().min(length as f64 - 1.0)];
+        low as usize..if high < low { low as usize } else { high as usize + 1 }
+    };
+    let share = |u: usize, v: usize| {
+        let square = (u as f64 - x).powi(2) + (v as f64 - y).powi(2);
+        (-0.5 * square / width.powi(2)).exp()
+    };
+    let rows = range(y, projector.height);
+    let pixels = rows.flat_map(|v| range(x, projector.width).map(move |u| (u, v)));
+    let around: Vec<(usize, f64)> = pixels.map(|(u, v)| (v * projector.width + u, share(u, v))).collect();
+    let most = around.iter().map(|(_, share)| *share).fold(0.0, f64::max);
+    let kept: Vec<(usize, f64)> = around.into_iter().filter(|(_, share)| *share > least * most).collect();
+    let sum: f64 = kept.iter().map(|(_, share)| share).sum();
+    kept.into_iter().map(|(pixel, share)| (pixel, share / sum)).collect()
 }

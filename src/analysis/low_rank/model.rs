@@ -16,6 +16,8 @@ pub struct LowRank {
     direct: Vec<f64>,
     spread: Option<Arc<[Csr; 2]>>,
     symmetric: bool,
+    /// Light of two or more bounces that is not in the low-rank part, and its transpose.
+    near: Option<Arc<[Csr; 2]>>,
     posterior: Option<Posterior>,
 }
 
@@ -41,18 +43,34 @@ impl LowRank {
         if !direct.is_empty() && !basis.is_empty() {
             Error::check_size("pixels of the direct image", n, direct.len())?;
         }
-        Ok(Self { basis, photos, direct, spread: None, symmetric, posterior: None })
+        Ok(Self { basis, photos, direct, spread: None, symmetric, near: None, posterior: None })
     }
 
     /// Replaces the direct part by a matrix that is not a diagonal, for an open lens or for a projector at another position than the
     /// camera. Fails with [`Error::Dimension`] if the matrix is not `m × n`.
     pub fn with_direct_matrix(self, direct: Csr) -> Result<Self> {
+        let spread = self.both(direct)?;
+        Ok(Self { direct: Vec::new(), spread: Some(spread), ..self })
+    }
+
+    /// Adds a sparse matrix to the global part. Fails with [`Error::Dimension`] if the matrix is not `m × n`.
+    pub fn with_near_matrix(self, near: Csr) -> Result<Self> {
+        let near = self.both(near)?;
+        Ok(Self { near: Some(near), ..self })
+    }
+
+    /// The sparse matrix of the global part.
+    pub fn near_matrix(&self) -> Option<&Csr> {
+        self.near.as_ref().map(|both| &both[0])
+    }
+
+    /// A matrix of this size, and its transpose.
+    fn both(&self, matrix: Csr) -> Result<Arc<[Csr; 2]>> {
         let (m, n) = (self.rows(), self.cols());
-        let found = format!("{}x{}", direct.rows(), direct.cols());
-        let what = "rows and columns of the direct part of a low-rank model";
-        Error::check_size(what, format!("{m}x{n}"), found)?;
-        let transposed = direct.transposed();
-        Ok(Self { direct: Vec::new(), spread: Some(Arc::new([direct, transposed])), ..self })
+        let found = format!("{}x{}", matrix.rows(), matrix.cols());
+        Error::check_size("rows and columns of a part of a low-rank model", format!("{m}x{n}"), found)?;
+        let transposed = matrix.transposed();
+        Ok(Arc::new([matrix, transposed]))
     }
 
     /// Adds the errors of a model that was fitted to captures. They replace the estimate from the newest photos.
@@ -115,6 +133,7 @@ impl LowRank {
             direct: self.direct.clone(),
             spread: self.spread.clone(),
             symmetric: self.symmetric,
+            near: self.near.clone(),
             posterior: self.posterior.clone(),
         }
     }
@@ -145,6 +164,9 @@ impl LowRank {
             (None, true) => vec![0.0; self.cols()],
             (None, false) => self.direct.clone(),
         };
+        if let Some(both) = &self.near {
+            add(&mut diagonal, 1.0, &both[0].diagonal());
+        }
         // The term Q T Qᵀ with T = QᵀW is subtracted. Each vector here is a column of T.
         let correction: Vec<Vec<f64>> = match self.symmetric {
             true => self.photos.iter().map(|photo| self.projected(photo)).collect(),
@@ -169,11 +191,7 @@ impl LowRank {
 
     fn direct_product(&self, x: &[f64], side: usize) -> Vec<f64> {
         if let Some(both) = &self.spread {
-            let row = |row: usize| -> f64 {
-                let (columns, weights) = both[side].row(row);
-                columns.iter().zip(weights).map(|(&column, weight)| weight * x[column as usize]).sum()
-            };
-            return (0..both[side].rows()).map(row).collect();
+            return sparse_product(&both[side], x);
         }
         match self.direct.is_empty() {
             true => vec![0.0; if side == 0 { self.rows() } else { self.cols() }],
@@ -185,6 +203,9 @@ impl LowRank {
     fn product(&self, x: &[f64], from: &[Vec<f64>], to: &[Vec<f64>], side: usize) -> Vec<f64> {
         debug_assert!(from.iter().all(|vector| vector.len() == x.len()));
         let mut y = self.direct_product(x, side);
+        if let Some(both) = &self.near {
+            add(&mut y, 1.0, &sparse_product(&both[side], x));
+        }
         let mut rest = x.to_vec();
         let shares: Vec<f64> = from.iter().map(|vector| dot(vector, x)).collect();
         for ((from, to), share) in from.iter().zip(to).zip(&shares) {
@@ -200,6 +221,14 @@ impl LowRank {
         }
         y
     }
+}
+
+fn sparse_product(matrix: &Csr, x: &[f64]) -> Vec<f64> {
+    let row = |row: usize| -> f64 {
+        let (columns, weights) = matrix.row(row);
+        columns.iter().zip(weights).map(|(&column, weight)| weight * x[column as usize]).sum()
+    };
+    (0..matrix.rows()).map(row).collect()
 }
 
 pub(super) fn add(sum: &mut [f64], factor: f64, vector: &[f64]) {

@@ -217,7 +217,9 @@ impl SavedModel {
                 (None, []) => DirectArrays::None,
                 (None, direct) => DirectArrays::Image(direct.to_vec()),
             },
-            captured: model.posterior().map(|posterior| posterior.state().arrays()),
+            captured: model
+                .posterior()
+                .map(|posterior| posterior.state().arrays(model.near_matrix().cloned())),
         });
         let arrays = ModelArrays {
             channels: channels.collect(),
@@ -244,8 +246,11 @@ impl SavedModel {
                     LowRank::new(patterns, photos, Vec::new(), symmetric)?.with_direct_matrix(direct)
                 }
             }?;
-            let Some(captured) = captured else { return Ok(model) };
-            let state = PosteriorState::from_arrays(captured, projector).ok_or_else(|| {
+            let Some(mut captured) = captured else { return Ok(model) };
+            let near = captured.near.take();
+            let has_homes = near.is_some();
+            let model = near.into_iter().try_fold(model, LowRank::with_near_matrix)?;
+            let state = PosteriorState::from_arrays(captured, projector, has_homes).ok_or_else(|| {
                 Error::data(run, "the record of its model names other scales than this program knows")
             })?;
             Ok(model.with_posterior(Posterior::of(state)?))
