@@ -14,7 +14,8 @@ const LEAST_WIDTH: f64 = 0.75;
 /// those of photos and patterns. A camera pixel whose line does not meet the projector's picture has `None`. Returns `None` if both devices
 /// have one centre.
 ///
-/// A line ends at the epipole. Lines are about a pixel wide where they leave the projector's picture, on the sides away from the epipole, as in Pollefeys, Koch and Van Gool, *A simple and efficient rectification method for general motion* (1999),
+/// A line ends at the epipole. Lines are about a pixel wide where they leave the projector's picture, on the sides away from the epipole, as
+/// in Pollefeys, Koch and Van Gool, *A simple and efficient rectification method for general motion* (1999),
 /// doi:10.1109/ICCV.1999.791296. The light of a thin lens is taken as that of its centre.
 pub fn epipolar_lines(
     camera: &Camera,

@@ -28,8 +28,8 @@ const LEAST_RANDOM: usize = 4;
 const IN_RANGE: f64 = 1e-9;
 
 /// Probes under a mask with at most `photos` products with `operator` (`m × n`), and a white one more for [`Mask::beyond`]. As many products
-/// as the mask has parts, or as its rank is, make the photo without random patterns. The standard errors then come from the
-/// variances of the operator's products, or from their standard errors as if these were even over the pixels. They are 0 if neither is known.
+/// as the mask has parts, or as its rank is, make the photo without random patterns. The standard errors then come from the variances of the
+/// operator's products, or from their standard errors as if these were even over the pixels. They are 0 if neither is known.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if sizes differ; any error of the operator.
