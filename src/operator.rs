@@ -78,6 +78,11 @@ pub trait Operator {
         Vec::new()
     }
 
+    /// The variance of each entry of the last product, if it was a single product. Empty if these are not known.
+    fn variances(&self) -> Vec<f64> {
+        Vec::new()
+    }
+
     /// The number of frames that a camera has taken so far for the rig behind this operator. A photo may take several frames: for
     /// exposures, repetitions, the positive and the negative part of a pattern, and bit planes. Frames of black and white, frames that
     /// measure the drift of the lamp, and frames that came from a journal count too. The default `None` means that products are computed
@@ -201,6 +206,11 @@ macro_rules! delegate {
             $crate::operator::inner!(self, $field).standard_errors()
         }
     };
+    (@variances $field:tt) => {
+        fn variances(&self) -> Vec<f64> {
+            $crate::operator::inner!(self, $field).variances()
+        }
+    };
 }
 
 /// The operator inside a wrapper.
@@ -220,7 +230,7 @@ macro_rules! forward {
     ($($pointer:ty),*) => { $(
         impl<O: Operator + ?Sized> Operator for $pointer {
             delegate!(deref: rows, cols, symmetry, apply, block_size, observer);
-            delegate!(deref: standard_errors, frames, common_error, confirming);
+            delegate!(deref: standard_errors, variances, frames, common_error, confirming);
         }
 
         impl<O: Adjoint + ?Sized> Adjoint for $pointer {

@@ -67,6 +67,7 @@ class Asking:
         paths: Literal["direct", "indirect", "near", "far", "near-indirect"] = "indirect",
         *,
         sigma: float | None = None,
+        mask: Any | None = None,
         photos: int | None = None,
     ) -> answers.Probing: ...
     def eigs(

@@ -53,7 +53,9 @@ def _method(cls, verb, about, parameters):
             (_, lab), *given = signature.bind(*arguments, **options).arguments.items()
         except TypeError as error:
             raise TypeError(f"{verb}() {error}{_meant(options, signature.parameters)}") from None
-        return ask(lab, verb, *pictures_apart(lab, dict(given), named))
+        given, arrays = masks_apart(dict(given))
+        given, pictures = pictures_apart(lab, given, named)
+        return ask(lab, verb, given, arrays + pictures)
 
     method.__name__, method.__qualname__, method.__module__ = verb, f"Lab.{verb}", "krylux.lab"
     method.__signature__ = signature
@@ -76,6 +78,27 @@ def pictures_apart(lab, options, names):
     ]
     given = {name for name, _, _ in pictures}
     return {name: value for name, value in options.items() if name not in given}, pictures
+
+
+def masks_apart(options):
+    """The options, and as ``("mask", name, array)`` the arrays of a mask among them that is neither a name nor a file."""
+    mask = options.get("mask")
+    if mask is None or isinstance(mask, (str, os.PathLike)):
+        return options, []
+    if hasattr(mask, "tocsr"):
+        mask = mask.tocsr().copy()
+        mask.sum_duplicates()
+        arrays = {"data": mask.data, "indices": mask.indices, "indptr": mask.indptr, "shape": mask.shape}
+    else:
+        try:
+            masks, patterns = mask
+        except (TypeError, ValueError):
+            help = "give a sparse matrix of SciPy, or a pair of arrays of K×m masks and K×n patterns"
+            raise _checks.refuse("mask", "it is no mask", help) from None
+        arrays = {"masks": masks, "patterns": patterns}
+    given = [("mask", name, _checks.real_array(array, "mask", np.float64))
+             for name, array in arrays.items()]
+    return {name: value for name, value in options.items() if name != "mask"}, given
 
 
 def asked(options):

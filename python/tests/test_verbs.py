@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.sparse
 
 import krylux
 
@@ -98,6 +99,20 @@ def test_probe_estimates_the_indirect_light(zigzag, tmp_path):
     # The relative error is about the stated one; three times that would be a wrong estimate.
     assert found.error < 3 * found.noise
     saved(found, tmp_path / "probe")
+
+
+def test_probe_takes_masks_by_name_as_sparse_matrices_and_as_pairs(zigzag):
+    pixel = np.arange(576)
+    weights = scipy.sparse.csr_matrix((pixel[:, None] // 24 == pixel // 24).astype(float))
+    rows = np.eye(24).repeat(24, axis=1)
+    row = zigzag.probe(mask="row")
+    assert row.photos == 24 and row.paths == "row" and row.error < 1e-6
+    for mask in (weights, (rows, rows)):
+        found = zigzag.probe(mask=mask)
+        assert found.photos == 24 and np.allclose(found.values, row.values, rtol=1e-6)
+    for wrong in (weights[:5], 3.0, (rows, rows[:3])):
+        with pytest.raises(krylux.errors.Error):
+            zigzag.probe(mask=wrong)
 
 
 def test_relight_predicts_photos_that_were_not_taken(zigzag, tmp_path):

@@ -1,10 +1,13 @@
 //! The light transport matrix, traced or photographed column by column.
 
 use crate::analysis::brute_force;
+use crate::analysis::plan::Twin;
 use crate::error::{Error, Result};
 use crate::io::sparse::ProductNoise;
+use crate::lab::notes::Kind;
 use crate::lab::source::Source;
 use crate::lab::{Lab, LabOperator, SourceKind, lock, transport};
+use crate::scene::epipolar_lines;
 use crate::sparse::Csr;
 use crate::transport::{Assembled, Bounces, Part};
 
@@ -101,29 +104,48 @@ impl Lab {
         if self.resolution() == self.projector_resolution() {
             return Ok(Vec::new());
         }
+        Ok(self.direct_or_all()?.iter().map(map_to_projector).collect())
+    }
+
+    fn direct_or_all(&mut self) -> Result<Vec<Csr>> {
         let light = match self.matrices_of(Part::Direct)? {
             Some(direct) => Some(direct),
             None => self.matrices_of(Part::Full)?,
         };
-        Ok(light.iter().flatten().map(|light| light.transposed().with_row_sums_of_one()).collect())
+        Ok(light.unwrap_or_default())
     }
 
-    /// The projector pixel that lights each camera pixel most, if photos and patterns have different sizes.
+    /// The projector pixel that lights each camera pixel most; `None` if it is the pixel at the same place. The photos of a calibrated rig
+    /// are seen at the projector's pixels. In front of the devices of another virtual rig, the traced scene tells.
     ///
     /// # Errors
     /// [`Error::Option`] if no matrix is in memory.
     pub(crate) fn homes(&mut self) -> Result<Option<Vec<Option<usize>>>> {
-        if self.resolution() == self.projector_resolution() {
+        let is_apart = match &self.source {
+            Source::Scene(scene) => scene.scene.projector.is_some(),
+            Source::Rig(rig) => !rig.is_calibrated && !rig.is_symmetric(),
+            Source::Run(run) => run.note.kind == Kind::Scene && !run.note.symmetric,
+            Source::Matrix(matrix) => matrix.has_direct() && matrix.direct_diagonal().is_none(),
+            Source::Model(_) => false,
+        };
+        if !is_apart && self.resolution() == self.projector_resolution() {
             return Ok(None);
         }
-        let Some(map) = self.maps_to_projector()?.into_iter().next() else {
+        let direct = match &self.source {
+            Source::Rig(rig) => match rig.twin()? {
+                Twin::Traced(traced) => vec![traced.matrix.to_csr(Part::Direct, 0)?],
+                Twin::Explicit(_) => Vec::new(),
+            },
+            _ => self.direct_or_all()?,
+        };
+        let Some(direct) = direct.first() else {
             return Err(Error::option(
                 "--operator",
-                "photos and patterns have different sizes, and without a matrix the map between them is not known",
+                "photos and patterns have different pixels, and without a matrix the map between them is not known",
             )
-            .help("use --operator replay, or give both one size"));
+            .help("use --operator replay, or give the scene"));
         };
-        let light = map.transposed();
+        let light = map_to_projector(direct).transposed();
         let home = |row: usize| {
             let (columns, weights) = light.row(row);
             let brightest = columns.iter().zip(weights).max_by(|a, b| a.1.total_cmp(b.1))?;
@@ -131,6 +153,39 @@ impl Lab {
         };
         Ok(Some((0..light.rows()).map(home).collect()))
     }
+
+    /// The number of the epipolar line of each camera pixel and of each projector pixel, as [`epipolar_lines`].
+    ///
+    /// # Errors
+    /// [`Error::Option`] naming `--mask` if the rig is coaxial, or if the poses of its devices are not known.
+    pub(crate) fn epipolar_lines(&self) -> Result<[Vec<Option<u32>>; 2]> {
+        let refused = |fault: String, help: &str| Err(Error::option("--mask", fault).help(help));
+        let Ok(source) = self.scene_source() else {
+            return refused(
+                format!(
+                    "epipolar lines need the poses of camera and projector, which {} does not state",
+                    self.name()
+                ),
+                "give the scene, or a mask's weights in a file",
+            );
+        };
+        let (camera, projector) = (&source.scene.camera, source.scene.projector.as_ref());
+        let sizes = [self.resolution(), self.projector_resolution()];
+        let lines = projector.and_then(|projector| epipolar_lines(camera, projector, sizes));
+        match (lines, &self.source) {
+            (None, _) => refused(
+                "a coaxial rig has no epipolar lines: the line of every projector pixel is a point".into(),
+                "give a scene whose projector stands apart, or another mask",
+            ),
+            (Some([_, lit]), Source::Rig(rig)) if rig.is_calibrated => Ok([lit.clone(), lit]),
+            (Some(lines), _) => Ok(lines),
+        }
+    }
+}
+
+/// Each row is the mean over the camera pixels that a projector pixel lights by `light`.
+fn map_to_projector(light: &Csr) -> Csr {
+    light.transposed().with_row_sums_of_one()
 }
 
 /// A matrix for a file.

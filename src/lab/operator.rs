@@ -125,6 +125,12 @@ impl Operator for LabOperator {
         self.errors.clone()
     }
 
+    fn variances(&self) -> Vec<f64> {
+        let mut transport = lock(&self.transport);
+        let last = transport.rig().and_then(|rig| rig.measurement.last_product());
+        last.map_or_else(Vec::new, |product| product.variance.clone())
+    }
+
     fn common_error(&mut self, x: &[f64]) -> Result<f64> {
         lock(&self.transport).common_error((self.part, self.channel), x)
     }

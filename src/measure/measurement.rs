@@ -297,6 +297,10 @@ impl Operator for MeasuredOperator<'_> {
         self.errors.clone()
     }
 
+    fn variances(&self) -> Vec<f64> {
+        self.last_product().map_or_else(Vec::new, |product| product.variance.clone())
+    }
+
     fn common_error(&mut self, x: &[f64]) -> Result<f64> {
         match self.part {
             Part::Full => Ok(0.0),

@@ -42,7 +42,7 @@ impl<'a, O: ?Sized> Observed<'a, O> {
 }
 
 impl<O: Operator + ?Sized> Operator for Observed<'_, O> {
-    delegate!(operator: rows, cols, symmetry, apply, block_size, standard_errors, common_error, frames, confirming);
+    delegate!(operator: rows, cols, symmetry, apply, block_size, standard_errors, variances, common_error, frames, confirming);
 
     fn observer(&self) -> &dyn Observer {
         self.observer
@@ -102,7 +102,7 @@ where
     O: Operator + ?Sized,
     F: FnMut(&dyn Observer, &Step<'_>) -> ControlFlow<()>,
 {
-    delegate!(operator: rows, cols, symmetry, apply, block_size, standard_errors, common_error, frames, confirming);
+    delegate!(operator: rows, cols, symmetry, apply, block_size, standard_errors, variances, common_error, frames, confirming);
 
     fn observer(&self) -> &dyn Observer {
         self
@@ -162,7 +162,7 @@ impl<'a, O: Operator + ?Sized> Recorded<'a, O> {
 }
 
 impl<O: Operator + ?Sized> Operator for Recorded<'_, O> {
-    delegate!(operator: rows, cols, symmetry, block_size, observer, standard_errors, common_error, frames);
+    delegate!(operator: rows, cols, symmetry, block_size, observer, standard_errors, variances, common_error, frames);
 
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.operator.apply_block(xs, ys)?;

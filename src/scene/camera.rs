@@ -187,7 +187,7 @@ impl Camera {
     }
 
     /// Half the width and height of the image plane at unit distance.
-    fn half_extents(&self, resolution: Resolution) -> [f32; 2] {
+    pub(super) fn half_extents(&self, resolution: Resolution) -> [f32; 2] {
         let shape = resolution.width as f32 / resolution.height as f32;
         [self.tan_half_fov * shape, self.tan_half_fov]
     }

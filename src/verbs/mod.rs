@@ -37,7 +37,7 @@ pub use eigs::{Eigs, Spectrum};
 pub use import::{Import, Imported};
 pub use options::{Parameter, from_json, signature};
 pub use plan::Plan;
-pub use probe::{Probe, ProbedLight};
+pub use probe::{MaskChoice, Probe, ProbedLight};
 pub use relight::{Relight, Relighting};
 pub use segment::{Segment, Segmented};
 pub use separate::{Separate, Separated};

@@ -7,8 +7,16 @@
 //!
 //! O'Toole, Raskar and Kutulakos, *Primal-dual coding to probe light transport* (2012), doi:10.1145/2185520.2185535.
 
+mod mask;
+mod masked;
+#[cfg(test)]
+mod tests_of_masks;
+
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+
+pub use mask::Mask;
+pub use masked::probe_masked;
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -149,9 +157,9 @@ pub fn probe(
     }
     let mut random = Pcg64::seed_from_u64(seed);
     let kernel = kernel(probing.sigma());
-    let (mut mean, mut squares) = (vec![0.0; m], vec![0.0; m]);
+    let mut samples = Samples::new(m);
     let mut products = 0;
-    for index in 0..photos {
+    for _ in 0..photos {
         let signs = Signs::draw(resolution, kernel.len() / 2, &mut random);
         let mut sample = correlation(operator, homes, &signs.smoothed(&kernel))?;
         products += 1;
@@ -161,20 +169,44 @@ pub fn probe(
             products += 1;
             sample.iter_mut().zip(direct).for_each(|(near, direct)| *near -= direct);
         }
-        for (i, value) in sample.into_iter().enumerate() {
-            let before = value - mean[i];
-            mean[i] += before / (index + 1) as f64;
-            squares[i] += before * (value - mean[i]);
-        }
+        samples.add(sample);
     }
+    let standard_errors = samples.standard_errors();
+    let mut mean = samples.mean;
     if matches!(probing, Probing::Indirect | Probing::Far { .. }) {
         let white = product(operator, &vec![1.0; n])?;
         products += 1;
         mean.iter_mut().zip(white).for_each(|(mean, white)| *mean = white - *mean);
     }
-    let degrees = (photos * (photos - 1)) as f64;
-    let standard_errors = squares.iter().map(|square| (square / degrees).sqrt()).collect();
     Ok(Probed { values: mean, standard_errors, photos: products })
+}
+
+/// Random photos, by their mean and their spread.
+struct Samples {
+    count: usize,
+    mean: Vec<f64>,
+    squares: Vec<f64>,
+}
+
+impl Samples {
+    fn new(pixels: usize) -> Self {
+        Self { count: 0, mean: vec![0.0; pixels], squares: vec![0.0; pixels] }
+    }
+
+    fn add(&mut self, sample: impl IntoIterator<Item = f64>) {
+        self.count += 1;
+        for (i, value) in sample.into_iter().enumerate() {
+            let before = value - self.mean[i];
+            self.mean[i] += before / self.count as f64;
+            self.squares[i] += before * (value - self.mean[i]);
+        }
+    }
+
+    /// The standard errors of the mean of at least two samples.
+    fn standard_errors(&self) -> Vec<f64> {
+        let degrees = (self.count * (self.count - 1)) as f64;
+        self.squares.iter().map(|square| (square / degrees).sqrt()).collect()
+    }
 }
 
 /// Returns `count` random patterns (`n` each). Their correlation is a Gaussian of `sigma` pixels with the value 1 at distance 0.
