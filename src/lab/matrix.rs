@@ -90,6 +90,11 @@ impl Lab {
                 .then(|| channels.map(|channel| source.part(part, channel)).collect())
                 .transpose();
         }
+        if let Source::Model(source) = &self.source {
+            // A model knows the rows of its direct light alone.
+            let direct = source.model.channels.iter().map(|channel| channel.direct_matrix().cloned());
+            return Ok(if part == Part::Direct { direct.collect() } else { None });
+        }
         let Some(traced) = self.assembled()? else { return Ok(None) };
         let channels = 0..traced.matrix.channels().count();
         channels.map(|channel| traced.matrix.to_csr(part, channel)).collect::<Result<_>>().map(Some)
@@ -126,7 +131,9 @@ impl Lab {
             Source::Rig(rig) => !rig.is_calibrated && !rig.is_symmetric(),
             Source::Run(run) => run.note.kind == Kind::Scene && !run.note.symmetric,
             Source::Matrix(matrix) => matrix.has_direct() && matrix.direct_diagonal().is_none(),
-            Source::Model(_) => false,
+            Source::Model(source) => {
+                source.model.channels.iter().any(|channel| channel.direct_matrix().is_some())
+            }
         };
         if !is_apart && self.resolution() == self.projector_resolution() {
             return Ok(None);

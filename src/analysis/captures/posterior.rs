@@ -1,7 +1,7 @@
 //! The rows of the light transport matrix given captured photos, and the errors of their products.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use faer::{Mat, Side};
 use rayon::prelude::*;
@@ -12,7 +12,7 @@ use crate::analysis::LowRank;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::io::model::CapturedArrays;
-use crate::krylov::dot;
+use crate::krylov::{Start, dot};
 use crate::sparse::Csr;
 
 /// The numbers from which a [`Posterior`] is made again, for example from a file.
@@ -72,7 +72,13 @@ pub struct Posterior {
     basis: Arc<Basis>,
     /// For each camera pixel, the photos in which it was saturated. Empty if it never was.
     gaps: Arc<Vec<Vec<u32>>>,
+    /// The mean square of the standard errors of products with random signs (`m`): the variance of all entries of a row.
+    variances: Arc<OnceLock<Vec<f64>>>,
 }
+
+/// The variance of a row's entries is averaged over so many patterns of random signs. Its relative error is then below one half, and that of
+/// a sum over many rows far smaller.
+const SIGNS: u64 = 8;
 
 /// The variance of a missing sample, relative to the square of the row's largest possible photo. The sample then tells nothing.
 const UNKNOWN: f64 = 1e6;
@@ -117,7 +123,12 @@ impl Posterior {
                 gaps[*pixel as usize].push(*photo);
             }
         }
-        Ok(Self { state: Arc::new(state), basis: Arc::new(basis), gaps: Arc::new(gaps) })
+        Ok(Self {
+            state: Arc::new(state),
+            basis: Arc::new(basis),
+            gaps: Arc::new(gaps),
+            variances: Arc::default(),
+        })
     }
 
     /// The numbers that make this posterior.
@@ -240,6 +251,20 @@ impl Posterior {
             (0..rows.len()).map(|at| combined(&|k, at| rows[at].smooth[k], at, i) * length).collect()
         };
         Ok((kept.par_iter().map(pattern).collect(), kept.par_iter().map(photo).collect()))
+    }
+
+    /// The standard error of the norm of a product with the transpose, for a pattern of camera pixels (`m`). The rows are independent.
+    pub fn dual_error(&self, pattern: &[f64]) -> f64 {
+        let variances = self.variances.get_or_init(|| {
+            let mut sums = vec![0.0; self.state.levels.len()];
+            for seed in 0..SIGNS {
+                let signs = Start::Rademacher { seed }.vector(self.state.projector.pixels());
+                let errors = self.errors(&signs);
+                sums.iter_mut().zip(errors).for_each(|(sum, error)| *sum += error * error / SIGNS as f64);
+            }
+            sums
+        });
+        variances.iter().zip(pattern).map(|(variance, y)| variance * y * y).sum::<f64>().sqrt()
     }
 
     /// The standard errors of a product with a pattern (`m`), without the noise of a new photo.

@@ -276,15 +276,30 @@ impl LowRank {
         if let Some(posterior) = &self.posterior {
             return norm(&posterior.errors(x));
         }
-        let photos = self.photos();
-        let newest = &photos[photos.len() - photos.len().div_ceil(LAST)..];
-        let sent: f64 = newest.iter().map(|photo| dot(photo, photo)).sum();
         let mut rest = x.to_vec();
         for vector in self.basis() {
             let share = dot(vector, &rest);
             add(&mut rest, -share, vector);
         }
-        norm(&rest) * (sent / newest.len().max(1) as f64).sqrt()
+        norm(&rest) * self.newest()
+    }
+
+    /// The light that a new direction sends: the root mean square of the norms of the newest photos.
+    fn newest(&self) -> f64 {
+        let photos = self.photos();
+        let newest = &photos[photos.len() - photos.len().div_ceil(LAST)..];
+        let sent: f64 = newest.iter().map(|photo| dot(photo, photo)).sum();
+        (sent / newest.len().max(1) as f64).sqrt()
+    }
+
+    /// The expected norm of the error of a product of the transpose with `y` (`m` values). Where photos and patterns have different sizes, all
+    /// of `y` counts as outside the span of what was captured.
+    pub fn dual_error(&self, y: &[f64]) -> f64 {
+        match &self.posterior {
+            Some(posterior) => posterior.dual_error(y),
+            None if self.rows() == self.cols() => self.error_of_rank(y),
+            None => norm(y) * self.newest(),
+        }
     }
 
     /// The standard error of each value of a product with `x` (`m`): from the captures, or else [`Self::error_of_rank`], spread evenly.

@@ -117,9 +117,8 @@ pub(in crate::lab) struct ModelOperator<'a> {
 }
 
 impl ModelOperator<'_> {
-    fn state_errors(&mut self, xs: &[&[f64]]) {
-        let error = |x: &&[f64]| self.captured.map_or(0.0, |model| model.error_of_rank(x));
-        self.errors = xs.iter().map(error).collect();
+    fn state_errors(&mut self, xs: &[&[f64]], of: fn(&LowRank, &[f64]) -> f64) {
+        self.errors = xs.iter().map(|x| self.captured.map_or(0.0, |model| of(model, x))).collect();
     }
 }
 
@@ -127,7 +126,7 @@ impl Operator for ModelOperator<'_> {
     delegate!(operator: rows, cols, symmetry, block_size);
 
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        self.state_errors(xs);
+        self.state_errors(xs, LowRank::error_of_rank);
         self.operator.apply_block(xs, ys)
     }
 
@@ -138,7 +137,7 @@ impl Operator for ModelOperator<'_> {
 
 impl Adjoint for ModelOperator<'_> {
     fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
-        self.state_errors(ys);
+        self.state_errors(ys, LowRank::dual_error);
         self.operator.apply_adjoint_block(ys, xs)
     }
 }
