@@ -217,7 +217,7 @@ impl Posterior {
             Ok(Row { smooth: solved.into_iter().map(|value| square * value).collect(), direct, near })
         };
         let rows: Vec<Row> = (0..levels.len()).into_par_iter().map(row).collect::<Result<_>>()?;
-        let (basis, photos) = self.orthonormal(&rows)?;
+        let [basis, photos] = self.orthonormal(&rows)?;
         let model = LowRank::new(basis, photos, Vec::new(), false)?.with_posterior(self.clone());
         if self.state.homes.is_empty() {
             return Ok(model);
@@ -228,7 +228,7 @@ impl Posterior {
     }
 
     /// The global part as orthonormal patterns and their photos.
-    fn orthonormal(&self, rows: &[Row]) -> Result<(Vec<Vec<f64>>, Vec<Vec<f64>>)> {
+    fn orthonormal(&self, rows: &[Row]) -> Result<[Vec<Vec<f64>>; 2]> {
         let smooth = &self.basis.smooth;
         let products: Vec<Vec<f64>> =
             smooth.par_iter().map(|a| smooth.iter().map(|b| dot(a, b)).collect()).collect();
@@ -250,7 +250,7 @@ impl Posterior {
             let length = values[i].sqrt();
             (0..rows.len()).map(|at| combined(&|k, at| rows[at].smooth[k], at, i) * length).collect()
         };
-        Ok((kept.par_iter().map(pattern).collect(), kept.par_iter().map(photo).collect()))
+        Ok([kept.par_iter().map(pattern).collect(), kept.par_iter().map(photo).collect()])
     }
 
     /// The standard error of the norm of a product with the transpose, for a pattern of camera pixels (`m`). The rows are independent.

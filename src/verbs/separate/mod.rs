@@ -277,7 +277,7 @@ mod tests {
         // The norm of the error is that of the standard errors, up to the spread of some tens of independent values.
         assert!(noise < 0.1 && error < 1.6 * noise, "{error} {noise}");
         let white = global.times(&vec![1.0; columns]);
-        let misfit = difference(&sum(&reach.near, &reach.far), &vec![white.clone()]);
+        let misfit = difference(&sum(&reach.near, &reach.far), std::slice::from_ref(&white));
         // Photos are in single precision.
         assert!(norm(&misfit) < 1e-6 * norm(&vec![white]));
         Ok(())
