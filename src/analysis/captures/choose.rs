@@ -55,6 +55,7 @@ pub fn choose(pairs: &Pairs) -> Result<(Prior, LeftOut)> {
         search(&known, &pixels, &mut prior, &mut best, factor)?;
     }
     prior.scale = calibration(&known, &prior, &pixels)?.max(1.0);
+    let prior = prior.rounded();
     let left_out = predicted(pairs, &known, prior, photos)?;
     Ok((prior, left_out))
 }

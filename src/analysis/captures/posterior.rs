@@ -253,7 +253,8 @@ impl Posterior {
         Ok([kept.par_iter().map(pattern).collect(), kept.par_iter().map(photo).collect()])
     }
 
-    /// The standard error of the norm of a product with the transpose, for a pattern of camera pixels (`m`). The rows are independent.
+    /// The standard error of the norm of a product with the transpose, for a pattern of camera pixels (`m`). What the captures leave open is
+    /// alike in the rows of neighbouring pixels, so the errors of rows add up as if they were all alike. The true error may be smaller.
     pub fn dual_error(&self, pattern: &[f64]) -> f64 {
         let variances = self.variances.get_or_init(|| {
             let mut sums = vec![0.0; self.state.levels.len()];
@@ -264,7 +265,7 @@ impl Posterior {
             }
             sums
         });
-        variances.iter().zip(pattern).map(|(variance, y)| variance * y * y).sum::<f64>().sqrt()
+        variances.iter().zip(pattern).map(|(variance, y)| variance.sqrt() * y.abs()).sum()
     }
 
     /// The standard errors of a product with a pattern (`m`), without the noise of a new photo.

@@ -104,6 +104,14 @@ impl Prior {
             .collect()
     }
 
+    /// The scales with four digits, which files keep exactly.
+    pub(super) fn rounded(mut self) -> Self {
+        let round = |value: f64| format!("{value:.3e}").parse().unwrap_or(value);
+        let scale = round(self.scale);
+        self.scales(true, false).into_iter().for_each(|(value, _)| *value = round(*value));
+        Self { scale, ..self }
+    }
+
     /// The scales that the search varies, each with its limits. `noise_is_known` fixes the noise.
     pub(super) fn scales(&mut self, has_homes: bool, noise_is_known: bool) -> Vec<(&mut f64, [f64; 2])> {
         let mut scales = vec![(&mut self.reach, [0.3, 500.0]), (&mut self.global, [1e-3, 30.0])];
