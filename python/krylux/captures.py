@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +22,7 @@ def import_captures(
     patterns: ArrayLike, photos: ArrayLike, *, folder: str | os.PathLike[str], map: str | ArrayLike = "found",
     exposure: float | Sequence[float] | None = None, black: ArrayLike | None = None, white: ArrayLike | None = None,
     pattern_response: Response = "linear", photo_response: Response = "linear", saturation: float | None = None,
-    channels: str = "native", overwrite: bool = False,
+    channels: Literal["luma", "rgb", "native"] = "native", overwrite: bool = False,
 ) -> Lab:
     """Writes captures into a folder with a ``captures.toml``, fits the light transport to them, and opens it.
 

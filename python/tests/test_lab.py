@@ -349,7 +349,7 @@ def test_answers_are_plotted_part_by_part(zigzag, monkeypatch):
     assert titles[:2] == ["2 groups", "spectrum"] and len(titles) == 6
     assert figure.get_suptitle() == found.status
     assert len(zigzag.audit(2).plot().axes) == 1
-    residuals = krylux.krylov.solve(np.diag([1.0, 2.0]), np.ones(2)).plot().axes[0]
+    residuals = krylux.krylov.solve("cg", np.diag([1.0, 2.0]), np.ones(2)).plot().axes[0]
     assert residuals.get_ylabel() == "relative residual"
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
     with pytest.raises(ImportError, match="pip install matplotlib"):

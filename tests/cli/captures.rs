@@ -84,7 +84,8 @@ fn an_import_leaves_a_run_that_predicts_photos_of_other_patterns() {
     pairs(&captures);
     let run = inside(&folder, "run");
     let error = imported(&captures, &run);
-    assert!(error < 0.05, "{error}");
+    // Sixteen photos tell the 24 entries of each row.
+    assert!(error < 0.15, "{error}");
     let (shown, file) = (inside(&folder, "shown.npy"), inside(&folder, "photo.npy"));
     let other = pattern(77);
     let image = Image::from_planes(PATTERN, std::slice::from_ref(&other)).expect("one plane");
@@ -94,11 +95,13 @@ fn an_import_leaves_a_run_that_predicts_photos_of_other_patterns() {
     let found = npy::read_npy(Path::new(&file)).expect("a photo");
     assert_eq!(found.shape, [PHOTO.height, PHOTO.width]);
     let truth = photo(&other);
-    let rest: f64 = found.values.iter().zip(&truth).map(|(a, b)| (a - b).powi(2)).sum();
-    let whole: f64 = truth.iter().map(|value| value * value).sum();
-    assert!(rest < 0.05_f64.powi(2) * whole, "{}", (rest / whole).sqrt());
-    // The model without direct light, and a photo of nothing, would be far beyond this bound.
-    assert!(whole > 0.5_f64.powi(2) * whole);
+    let apart = |other: &[f64]| -> f64 {
+        let rest: f64 = other.iter().zip(&truth).map(|(a, b)| (a - b).powi(2)).sum();
+        (rest / truth.iter().map(|value| value * value).sum::<f64>()).sqrt()
+    };
+    assert!(apart(&found.values) < 0.15, "{}", apart(&found.values));
+    // The photo of another pattern is refused by this bound.
+    assert!(apart(&photo(&pattern(78))) > 0.15);
     // The same photo comes from the folder of captures itself.
     let again = inside(&folder, "again.npy");
     let captures = captures.display().to_string();
@@ -148,7 +151,7 @@ fn every_layout_is_imported() {
     npy::write_npy(&at("arrays/x.npy"), &[20, 4, 6], &stack(&pattern)).expect("the folder can be written");
     npy::write_npy(&at("arrays/y.npy"), &[20, 5, 8], &stack(&|k| photo(&pattern(k))))
         .expect("the folder can be written");
-    for (name, bound) in [("pixels", 0.5), ("boards", 1.1), ("compennet", 0.05), ("arrays", 0.05)] {
+    for (name, bound) in [("pixels", 0.5), ("boards", 1.1), ("compennet", 0.15), ("arrays", 0.15)] {
         let error = imported(&at(name), &inside(&folder, &format!("run-{name}")));
         assert!(error < bound, "{name}: {error}");
     }

@@ -98,7 +98,8 @@ fn the_page_names_every_picture_its_number_and_its_unit() -> Outcome {
         matches!(section.blocks.as_slice(), [Block::ContactSheet { sheet, .. }] if sheet.frames.len() == 12)
     );
     let page = Report { sections: vec![section], ..Report::default() }.render()?;
-    for expected in ["aria-label=\"pattern 12\"", "aria-label=\"photo 12\"", "<b>12</b> 0.120"] {
+    // An even photo is shown at half of white.
+    for expected in ["aria-label=\"pattern 12\"", "aria-label=\"photo 12\"", "<b>12</b> 0.240"] {
         assert!(page.contains(expected), "{expected}");
     }
     assert_eq!(page.matches("href=\"#sheet-").count(), 24);
