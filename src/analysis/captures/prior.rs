@@ -18,7 +18,7 @@ pub struct Prior {
     pub spread: f64,
     /// The standard deviation in projector pixels of the window of direct light.
     pub width: f64,
-    /// The standard deviation of indirect light from around the home, as of one of [`BUMPS`] bumps, in units of `s n`.
+    /// The standard deviation of indirect light from around the home, as of each of 25 bumps, in units of `s n`.
     pub near: f64,
     /// The distance between bumps in projector pixels.
     pub spacing: f64,
