@@ -6,7 +6,8 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::options::defaults;
-use crate::analysis::captures::{CapturedLight, Prior};
+use crate::analysis::LowRank;
+use crate::analysis::captures::{CapturedLight, LeftOut, Prior};
 use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Image;
@@ -52,19 +53,20 @@ impl Verb for Import {
     }
 
     fn check_on(&self, lab: &Lab) -> Result<()> {
-        if lab.captured().is_some() {
-            return Ok(());
-        }
-        Err(Error::option("SOURCE", format!("{} is no folder of captures", lab.name())).help(
-            "give a folder with a captures.toml that names the patterns and the photos; the guide shows one",
-        ))
+        captured(lab).map(drop)
     }
 
     fn answer(&self, lab: &mut Lab) -> Result<Imported> {
-        self.check_on(lab)?;
-        let light = lab.captured().map(Arc::clone);
-        light.map(|light| Imported { light }).ok_or(Error::Interrupted)
+        Ok(Imported { light: Arc::clone(captured(lab)?) })
     }
+}
+
+fn captured(lab: &Lab) -> Result<&Arc<CapturedLight>> {
+    lab.captured().ok_or_else(|| {
+        Error::option("SOURCE", format!("{} is no folder of captures", lab.name())).help(
+            "give a folder with a captures.toml that names the patterns and the photos; the guide shows one",
+        )
+    })
 }
 
 /// Captures, the model that was fitted to them, and its prediction of photos that were left out.
@@ -87,26 +89,30 @@ impl Imported {
     }
 
     /// A root mean square over all channels.
-    fn root(&self, of: impl Fn(usize) -> f64) -> f64 {
-        let count = self.light.fitted.len();
-        ((0..count).map(|channel| of(channel).powi(2)).sum::<f64>() / count.max(1) as f64).sqrt()
+    fn root(&self, of: impl Fn(&LeftOut) -> f64) -> f64 {
+        let count = self.light.left_out.len();
+        (self.light.left_out.iter().map(|channel| of(channel).powi(2)).sum::<f64>() / count.max(1) as f64)
+            .sqrt()
+    }
+
+    /// A root mean square over all channels, relative to that of the photos that were left out.
+    fn of_light(&self, of: impl Fn(&LeftOut) -> f64) -> Ratio {
+        Ratio::of(self.root(of), self.root(|left| left.light), 0.0)
     }
 
     /// The error of a photo that was left out, relative to the photo.
     pub fn error(&self) -> Ratio {
-        let left = |channel: usize| &self.light.fitted[channel].left_out;
-        Ratio::of(self.root(|c| left(c).error), self.root(|c| left(c).light), 0.0)
+        self.of_light(|of| of.error)
     }
 
     /// The noise of a photo, relative to the photo.
     pub fn noise(&self) -> Ratio {
-        let left = |channel: usize| &self.light.fitted[channel].left_out;
-        Ratio::of(self.root(|c| left(c).noise), self.root(|c| left(c).light), 0.0)
+        self.of_light(|of| of.noise)
     }
 
     /// The error of photos that were left out over their stated errors.
     pub fn z(&self) -> f64 {
-        self.root(|channel| self.light.fitted[channel].left_out.z)
+        self.root(|left| left.z)
     }
 
     fn noise_is_known(&self) -> bool {
@@ -141,7 +147,7 @@ impl Answer for Imported {
     }
 
     fn sentence(&self) -> String {
-        let left = self.light.fitted.first().map_or(0, |fitted| fitted.left_out.photos.len());
+        let left = self.light.left_out.first().map_or(0, |of| of.photos.len());
         format!(
             "{left} of {} photos were left out, and predicted within {} of their light. The noise of a photo is {}, {}.",
             self.count(),
@@ -159,8 +165,9 @@ impl Answer for Imported {
         content.fact("relative_noise", self.noise());
         content.fact("noise_is_measured", self.noise_is_known());
         content.fact("error_over_stated", self.z());
-        content.fact("photos_left_out", light.fitted.first().map(|fitted| &fitted.left_out.photos));
-        let priors: Vec<Prior> = light.fitted.iter().map(|fitted| fitted.posterior.state().prior).collect();
+        content.fact("photos_left_out", light.left_out.first().map(|of| &of.photos));
+        let posteriors = light.model.channels.iter().filter_map(LowRank::posterior);
+        let priors: Vec<Prior> = posteriors.map(|posterior| posterior.state().prior).collect();
         content.fact("prior", priors);
         content.line(format_args!(
             "errors    {} times what is stated, in photos that were left out",
@@ -216,13 +223,13 @@ impl Answer for Imported {
         page.files.names.extend(light.model.write(folder)?);
         page.unit.clone_from(&light.model.unit);
         page.strip = None;
-        let Some(first) = light.fitted.first() else { return Ok(()) };
-        for (at, &photo) in first.left_out.photos.iter().enumerate().take(SHOWN) {
+        let Some(first) = light.left_out.first() else { return Ok(()) };
+        for (at, &photo) in first.photos.iter().enumerate().take(SHOWN) {
             let planes = |of: &dyn Fn(usize) -> Vec<f64>| -> Vec<Vec<f64>> {
-                (0..light.fitted.len()).map(of).collect()
+                (0..light.left_out.len()).map(of).collect()
             };
             let taken = planes(&|c| filled(&light.photos[c][photo]));
-            let predicted = planes(&|c| light.fitted[c].left_out.predicted[at].clone());
+            let predicted = planes(&|c| light.left_out[c].predicted[at].clone());
             let [shown, told] =
                 [&taken, &predicted].map(|planes| Image::from_planes(light.model.resolution, planes));
             let (shown, told) = (shown?, told?);

@@ -14,7 +14,7 @@ pub struct LeftOut {
     pub predicted: Vec<Vec<f64>>,
     /// The stated standard error of each predicted value, with the noise of the photo (`m` values each).
     pub stated: Vec<Vec<f64>>,
-    /// The root mean square of the differences, of the photos, of the noise, and of the differences over their stated errors.
+    /// The root mean square of the differences between predicted and taken photos.
     pub error: f64,
     /// The root mean square of the photos.
     pub light: f64,
@@ -31,7 +31,7 @@ const ONE_OF: usize = 5;
 const PIXELS: usize = 256;
 
 /// The fewest photos from which a model is made.
-pub const FEWEST: usize = 3;
+const FEWEST: usize = 3;
 
 /// Chooses the scales of the prior: those under which the photos that are left out, one after another, have the greatest likelihood. One
 /// photo of five takes no part in this. It is predicted at the end. The scales are not chosen again with it.
@@ -49,37 +49,49 @@ pub fn choose(pairs: &Pairs) -> Result<(Prior, LeftOut)> {
     let (kept, photos): (Vec<usize>, Vec<usize>) = (0..count).partition(|k| k % step != step / 2);
     let known = pairs.only(&kept);
     let pixels = some_pixels(&known);
-    let mut prior = Prior::start(pairs.projector, pairs.noise.is_some());
-    let mut best = doubt(&known, &prior, &pixels)?;
+    let start = Prior::start(pairs.projector, pairs.noise.is_some());
+    let mut posterior = Posterior::new(&known, start)?;
+    let mut best = doubt(&posterior, &known, &pixels)?;
     for factor in [4.0, 2.0, 1.4, 1.2] {
-        search(&known, &pixels, &mut prior, &mut best, factor)?;
+        search(&known, &pixels, &mut posterior, &mut best, factor)?;
     }
-    prior.scale = calibration(&known, &prior, &pixels)?.max(1.0);
-    let prior = prior.rounded();
+    let scale = calibration(&posterior, &known, &pixels)?.max(1.0);
+    let prior = Prior { scale, ..posterior.state().prior }.rounded();
     let left_out = predicted(pairs, &known, prior, photos)?;
     Ok((prior, left_out))
 }
 
 /// Multiplies and divides each scale by the factor for as long as the doubt falls.
-fn search(pairs: &Pairs, pixels: &[usize], prior: &mut Prior, best: &mut f64, factor: f64) -> Result<()> {
+fn search(
+    pairs: &Pairs,
+    pixels: &[usize],
+    posterior: &mut Posterior,
+    best: &mut f64,
+    factor: f64,
+) -> Result<()> {
     let [has_homes, is_known] = [!pairs.homes.is_empty(), pairs.noise.is_some()];
-    let scales = prior.clone().scales(has_homes, is_known).len();
+    let scales = posterior.state().prior.clone().scales(has_homes, is_known).len();
     for _ in 0..4 {
         let before = *best;
         for scale in 0..scales {
             for step in [factor, 1.0 / factor] {
                 loop {
-                    let mut next = *prior;
+                    let prior = posterior.state().prior;
+                    let mut next = prior;
                     if let Some((value, [low, high])) =
                         next.scales(has_homes, is_known).into_iter().nth(scale)
                     {
                         *value = (*value * step).clamp(low, high);
                     }
-                    let found = if next == *prior { *best } else { doubt(pairs, &next, pixels)? };
+                    if next == prior {
+                        break;
+                    }
+                    let next = posterior.under(pairs, next)?;
+                    let found = doubt(&next, pairs, pixels)?;
                     if found >= *best {
                         break;
                     }
-                    (*prior, *best) = (next, found);
+                    (*posterior, *best) = (next, found);
                 }
             }
         }
@@ -99,8 +111,7 @@ fn some_pixels(pairs: &Pairs) -> Vec<usize> {
 }
 
 /// The mean negative logarithm of the likelihood of photos that are left out, one after another.
-fn doubt(pairs: &Pairs, prior: &Prior, pixels: &[usize]) -> Result<f64> {
-    let posterior = Posterior::new(pairs, *prior)?;
+fn doubt(posterior: &Posterior, pairs: &Pairs, pixels: &[usize]) -> Result<f64> {
     let of = |&pixel: &usize| -> Result<[f64; 2]> {
         let left = posterior.left_out(&pairs.photos, pixel)?;
         let level = posterior.state().levels[pixel].ln();
@@ -116,8 +127,7 @@ fn doubt(pairs: &Pairs, prior: &Prior, pixels: &[usize]) -> Result<f64> {
 }
 
 /// The root mean square of the differences of photos that are left out, over their stated errors.
-fn calibration(pairs: &Pairs, prior: &Prior, pixels: &[usize]) -> Result<f64> {
-    let posterior = Posterior::new(pairs, *prior)?;
+fn calibration(posterior: &Posterior, pairs: &Pairs, pixels: &[usize]) -> Result<f64> {
     let left: Vec<_> =
         pixels.par_iter().map(|&j| posterior.left_out(&pairs.photos, j)).collect::<Result<_>>()?;
     let squares = left.iter().flatten().map(|[difference, error]| (difference / error).powi(2));

@@ -1,6 +1,6 @@
 //! The light transport of a folder of captures, fitted in every channel.
 
-use super::{Fitted, FoundHomes, Pairs, Places, coaxial_homes, find_homes, fit};
+use super::{FoundHomes, LeftOut, Pairs, Places, coaxial_homes, find_homes, fit};
 use crate::analysis::low_rank::SavedModel;
 use crate::error::{Error, Result};
 use crate::image::{Image, LUMINANCE};
@@ -15,8 +15,8 @@ pub struct CapturedLight {
     pub model: SavedModel,
     /// The photos as planes of each channel (`N × m`).
     pub photos: Vec<Vec<Vec<f64>>>,
-    /// The fit of each channel.
-    pub fitted: Vec<Fitted>,
+    /// The prediction of photos that were left out, in each channel.
+    pub left_out: Vec<LeftOut>,
     /// The map, if it was found among the captures.
     pub found: Option<FoundHomes>,
 }
@@ -56,27 +56,27 @@ pub fn fit_captures(captures: Captures, luma: bool) -> Result<CapturedLight> {
         (_, Some(found)) if found.homes.iter().any(Option::is_some) => found.homes.clone(),
         _ => Vec::new(),
     };
-    let mut fitted = Vec::new();
-    let mut of_channels = Vec::new();
+    let (mut models, mut left_out, mut of_channels) = (Vec::new(), Vec::new(), Vec::new());
     for channel in 0..channels {
         let pairs = pairs(channel, homes.clone());
         let of = fit(&pairs).map_err(|fault| {
             Error::data(&captures.path, fault.to_string())
                 .help("capture at least 3 patterns with light in them, and photos with finite values")
         })?;
-        fitted.push(of);
+        models.push(of.model);
+        left_out.push(of.left_out);
         of_channels.push(pairs.photos);
     }
     let ambient: Vec<Vec<f64>> = (0..channels).map(|channel| plane(&captures.ambient, channel)).collect();
     let model = SavedModel {
-        channels: fitted.iter().map(|of| of.model.clone()).collect(),
+        channels: models,
         ambient: Image::from_planes(camera, &ambient)?,
         resolution: camera,
         projector,
         unit: captures.unit.to_owned(),
         source: captures.name.clone(),
     };
-    Ok(CapturedLight { model, photos: of_channels, fitted, found, captures })
+    Ok(CapturedLight { model, photos: of_channels, left_out, found, captures })
 }
 
 fn luminance(image: &Image) -> Vec<f64> {

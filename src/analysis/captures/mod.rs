@@ -99,10 +99,8 @@ const DARK: f64 = 0.02;
 /// The transport of one channel, fitted to captured pairs.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// The model (`m × n`).
+    /// The model (`m × n`), with the errors of its products.
     pub model: LowRank,
-    /// The errors of its products.
-    pub posterior: Posterior,
     /// The prediction of photos that were left out.
     pub left_out: LeftOut,
 }
@@ -111,9 +109,8 @@ pub struct Fitted {
 pub fn fit(pairs: &Pairs) -> Result<Fitted> {
     pairs.check()?;
     let (prior, left_out) = choose(pairs)?;
-    let posterior = Posterior::new(pairs, prior)?;
-    let model = posterior.model(pairs)?;
-    Ok(Fitted { model, posterior, left_out })
+    let model = Posterior::new(pairs, prior)?.model(pairs)?;
+    Ok(Fitted { model, left_out })
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use faer::{Mat, Side};
 use rayon::prelude::*;
 
 use super::basis::{Basis, Covariance};
+use super::prior::Column;
 use super::{Pairs, Places, Prior};
 use crate::analysis::LowRank;
 use crate::error::{Error, Result};
@@ -35,6 +36,31 @@ pub struct PosteriorState {
 }
 
 impl PosteriorState {
+    fn new(pairs: &Pairs, prior: Prior) -> Self {
+        let levels = pairs.levels();
+        let strongest =
+            pairs.patterns.iter().map(|x| x.iter().map(|v| v.abs()).sum::<f64>()).fold(0.0, f64::max);
+        let mean = pairs.patterns.iter().flatten().sum::<f64>() / pairs.patterns.len().max(1) as f64;
+        let of = |j: usize, level: f64| {
+            let told = pairs.noise.as_ref().map_or(level * mean, |noise| noise[j]);
+            (prior.noise * told).hypot(EXACT * level * strongest)
+        };
+        let noise = levels.iter().enumerate().map(|(j, level)| of(j, *level)).collect();
+        let missing = pairs.photos.iter().enumerate().flat_map(|(k, photo)| {
+            let gaps = photo.iter().enumerate().filter(|(_, value)| value.is_nan());
+            gaps.map(move |(j, _)| [k as u32, j as u32])
+        });
+        Self {
+            patterns: pairs.patterns.clone(),
+            projector: pairs.projector,
+            prior,
+            homes: pairs.homes.clone(),
+            levels,
+            noise,
+            missing: missing.collect(),
+        }
+    }
+
     /// The state as arrays for a file, with the sparse matrix of the model's global part.
     pub fn arrays(&self, near: Option<Csr>) -> CapturedArrays {
         let place = |axis: usize| {
@@ -89,33 +115,25 @@ const EXACT: f64 = 1e-7;
 impl Posterior {
     /// The posterior of these pairs. Fails with [`Error::Numerical`] if a value is not finite.
     pub fn new(pairs: &Pairs, prior: Prior) -> Result<Self> {
-        let levels = pairs.levels();
-        let strongest =
-            pairs.patterns.iter().map(|x| x.iter().map(|v| v.abs()).sum::<f64>()).fold(0.0, f64::max);
-        let mean = pairs.patterns.iter().flatten().sum::<f64>() / pairs.patterns.len().max(1) as f64;
-        let of = |j: usize, level: f64| {
-            let told = pairs.noise.as_ref().map_or(level * mean, |noise| noise[j]);
-            (prior.noise * told).hypot(EXACT * level * strongest)
-        };
-        let noise = levels.iter().enumerate().map(|(j, level)| of(j, *level)).collect();
-        let missing = pairs.photos.iter().enumerate().flat_map(|(k, photo)| {
-            let gaps = photo.iter().enumerate().filter(|(_, value)| value.is_nan());
-            gaps.map(move |(j, _)| [k as u32, j as u32])
-        });
-        Self::of(PosteriorState {
-            patterns: pairs.patterns.clone(),
-            projector: pairs.projector,
-            prior,
-            homes: pairs.homes.clone(),
-            levels,
-            noise,
-            missing: missing.collect(),
-        })
+        Self::of(PosteriorState::new(pairs, prior))
+    }
+
+    /// The posterior of the same pairs under another prior. The basis is used again unless the reach of global light differs.
+    pub(super) fn under(&self, pairs: &Pairs, prior: Prior) -> Result<Self> {
+        let state = PosteriorState::new(pairs, prior);
+        if prior.reach == self.state.prior.reach {
+            return Ok(Self::around(state, Arc::clone(&self.basis)));
+        }
+        Self::of(state)
     }
 
     /// The posterior of a stored state. Fails as [`Self::new`].
     pub fn of(state: PosteriorState) -> Result<Self> {
         let basis = Basis::new(&state.patterns, state.projector, &state.prior)?;
+        Ok(Self::around(state, Arc::new(basis)))
+    }
+
+    fn around(state: PosteriorState, basis: Arc<Basis>) -> Self {
         let mut gaps = Vec::new();
         if !state.missing.is_empty() {
             gaps = vec![Vec::new(); state.levels.len()];
@@ -123,12 +141,7 @@ impl Posterior {
                 gaps[*pixel as usize].push(*photo);
             }
         }
-        Ok(Self {
-            state: Arc::new(state),
-            basis: Arc::new(basis),
-            gaps: Arc::new(gaps),
-            variances: Arc::default(),
-        })
+        Self { state: Arc::new(state), basis, gaps: Arc::new(gaps), variances: Arc::default() }
     }
 
     /// The numbers that make this posterior.
@@ -142,7 +155,7 @@ impl Posterior {
     }
 
     /// The prior's columns around the home of a camera pixel: entries, and whether they are direct light.
-    fn columns(&self, pixel: usize) -> Vec<(bool, Vec<(usize, f64)>)> {
+    fn columns(&self, pixel: usize) -> Vec<Column> {
         let PosteriorState { prior, homes, projector, levels, .. } = &*self.state;
         let home = homes.get(pixel).copied().flatten();
         let mut columns = home.map_or_else(Vec::new, |home| prior.columns(*projector, home));
@@ -151,16 +164,17 @@ impl Posterior {
         columns
     }
 
-    fn covariance(&self, pixel: usize) -> Result<Covariance> {
+    /// The covariance of the photos of a camera pixel with these columns.
+    fn covariance(&self, pixel: usize, columns: &[Column]) -> Result<Covariance> {
         let PosteriorState { prior, levels, noise, projector, .. } = &*self.state;
-        let seen = |(_, entries): (bool, Vec<(usize, f64)>)| {
+        let seen = |(_, entries): &Column| {
             let mut column = vec![0.0; self.basis.values.len()];
-            for (at, entry) in entries {
+            for &(at, entry) in entries {
                 column.iter_mut().zip(&self.basis.pixels[at]).for_each(|(sum, value)| *sum += entry * value);
             }
             column
         };
-        let mut columns: Vec<Vec<f64>> = self.columns(pixel).into_iter().map(seen).collect();
+        let mut columns: Vec<Vec<f64>> = columns.iter().map(seen).collect();
         let level = levels[pixel];
         if let Some(gaps) = self.gaps.get(pixel) {
             let unknown = UNKNOWN.sqrt() * level * projector.pixels() as f64;
@@ -186,7 +200,7 @@ impl Posterior {
     /// The prediction of each photo of a camera pixel from the other photos (`N`): the difference from the photo, and its standard error
     /// with the noise of the photo. NaN where the photo is missing.
     pub(super) fn left_out(&self, photos: &[Vec<f64>], pixel: usize) -> Result<Vec<[f64; 2]>> {
-        let covariance = self.covariance(pixel)?;
+        let covariance = self.covariance(pixel, &self.columns(pixel))?;
         let solved = covariance.solve(&self.turned(photos, pixel));
         let of = |(row, photo): (&Vec<f64>, &Vec<f64>)| {
             let entry = covariance.quadratic(row);
@@ -203,10 +217,11 @@ impl Posterior {
     pub fn model(&self, pairs: &Pairs) -> Result<LowRank> {
         let PosteriorState { prior, levels, projector, .. } = &*self.state;
         let row = |pixel: usize| -> Result<Row> {
-            let covariance = self.covariance(pixel)?;
+            let columns = self.columns(pixel);
+            let covariance = self.covariance(pixel, &columns)?;
             let solved = covariance.solve(&self.turned(&pairs.photos, pixel));
             let (mut direct, mut near) = (BTreeMap::new(), BTreeMap::new());
-            for ((is_direct, entries), column) in self.columns(pixel).into_iter().zip(&covariance.columns) {
+            for ((is_direct, entries), column) in columns.into_iter().zip(&covariance.columns) {
                 let share = dot(column, &solved);
                 let part = if is_direct { &mut direct } else { &mut near };
                 entries
@@ -277,11 +292,12 @@ impl Posterior {
         seen.iter_mut().for_each(|value| *value *= prior.global.powi(2));
         let error = |pixel: usize| -> f64 {
             let square = levels[pixel].powi(2);
-            let share = |(_, entries): &(bool, Vec<(usize, f64)>)| -> f64 {
+            let share = |(_, entries): &Column| -> f64 {
                 entries.iter().map(|&(at, entry)| entry * pattern[at]).sum()
             };
-            let shares: Vec<f64> = self.columns(pixel).iter().map(share).collect();
-            let Ok(covariance) = self.covariance(pixel) else { return f64::INFINITY };
+            let columns = self.columns(pixel);
+            let shares: Vec<f64> = columns.iter().map(share).collect();
+            let Ok(covariance) = self.covariance(pixel, &columns) else { return f64::INFINITY };
             let mut known: Vec<f64> = seen.iter().map(|value| square * value).collect();
             for (share, column) in shares.iter().zip(&covariance.columns) {
                 known.iter_mut().zip(column).for_each(|(known, value)| *known += share * value);

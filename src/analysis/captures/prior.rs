@@ -28,6 +28,9 @@ pub struct Prior {
     pub scale: f64,
 }
 
+/// A column of the prior: whether it is direct light, and its entries at projector pixels.
+pub(super) type Column = (bool, Vec<(usize, f64)>);
+
 /// The variance of the constant part of global light, relative to that of the part that varies.
 const CONSTANT: f64 = 0.25;
 
@@ -81,10 +84,10 @@ impl Prior {
         smooth
     }
 
-    /// The columns of the prior around a home, in units of `s n`: entries at projector pixels, and whether they are direct light. The first
+    /// The columns of the prior around a home, in units of `s n`: The first
     /// is the whole window of direct light; the next let each of its pixels vary; the last are bumps of indirect light, which is strong near
     /// the home where surfaces meet.
-    pub(super) fn columns(&self, projector: Resolution, home: [f64; 2]) -> Vec<(bool, Vec<(usize, f64)>)> {
+    pub(super) fn columns(&self, projector: Resolution, home: [f64; 2]) -> Vec<Column> {
         let window = bump(projector, home, self.width, 0.01);
         let whole = window.iter().map(|&(pixel, share)| (pixel, self.direct * share)).collect();
         let each = window

@@ -141,11 +141,8 @@ fn stated_errors_are_true_for_patterns_that_were_not_captured() -> Result<()> {
             let z = fitted.left_out.z;
             assert!((0.6..1.6).contains(&z), "left out, seed {seed}, {count} photos: {z}");
             for pattern in bench.pairs(3, 0.0).patterns {
-                let [found, truth, errors] = [
-                    fitted.model.relight(&pattern),
-                    bench.photo(&pattern),
-                    fitted.posterior.errors(&pattern),
-                ];
+                let [found, truth, errors] =
+                    [fitted.model.relight(&pattern), bench.photo(&pattern), fitted.model.errors(&pattern)];
                 let each = found.iter().zip(&truth).zip(&errors);
                 let z: f64 = each.map(|((a, b), error)| ((a - b) / error).powi(2)).sum();
                 squares.push(z / truth.len() as f64);
