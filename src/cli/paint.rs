@@ -64,7 +64,7 @@ struct EmbedArgs {
     /// The largest file of -o; a matrix that takes more is thinned by chance so that every photo stays right on average, and the error is stated
     #[arg(long, value_name = "BYTES", default_value = "32M", value_parser = byte_count, requires = "file")]
     max_size: u64,
-    /// Numbers of groups that the file of -o shows [default: as many as the light shows]
+    /// Numbers of groups that the file of -o shows [default: the number of regions in the light]
     #[arg(long, value_name = "K,K,...", value_delimiter = ',', value_parser = count::<usize>, requires = "file")]
     groups: Vec<usize>,
     /// Eigenvectors that the file of -o shows [default: 8]

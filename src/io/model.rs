@@ -7,7 +7,7 @@
 //! | `photos-C.npy` | `W = G Q`, where `G` is `A` without direct light: `k×H×W` of the camera's pixels, `f64` |
 //! | `direct-C.npy` or `.npz` | the direct light: an image `H×W`, or a sparse matrix if it is not diagonal |
 //! | `ambient.npy` | the photo without the projector |
-//! | `captured-C.npy`, `pixels-C.npy`, `missing-C.npy`, `near-C.npz` | of a model that was fitted to captures, what its errors follow from ([`CapturedArrays`]) |
+//! | `captured-C.npy`, `pixels-C.npy`, `missing-C.npy`, `near-C.npz` | of a model that was fitted to captures: the inputs of its error estimate ([`CapturedArrays`]) |
 //!
 //! NumPy and SciPy read all of these files. With the direct light `d`, the photo of a pattern `x` is
 //! `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`. The last term is present only in symmetric models.
@@ -60,11 +60,11 @@ pub struct ChannelArrays {
     pub photos: Vec<Vec<f64>>,
     /// The direct light.
     pub direct: DirectArrays,
-    /// What the errors of a model follow from that was fitted to captures.
+    /// The inputs of the error estimate, for a model that was fitted to captures.
     pub captured: Option<CapturedArrays>,
 }
 
-/// What the errors of a model follow from that was fitted to captures of `m` pixels.
+/// The inputs of the error estimate of a model that was fitted to captures of `m` pixels.
 #[derive(Clone, Debug)]
 pub struct CapturedArrays {
     /// The captured patterns, of the projector's pixels.

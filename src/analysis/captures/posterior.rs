@@ -91,7 +91,7 @@ impl PosteriorState {
     }
 }
 
-/// What captured photos leave open about the light transport: the standard errors of products with any pattern.
+/// The light transport matrix given captured photos, as a Gaussian distribution. It tells the standard errors of products with any pattern.
 #[derive(Clone, Debug)]
 pub struct Posterior {
     state: Arc<PosteriorState>,
@@ -102,8 +102,8 @@ pub struct Posterior {
     variances: Arc<OnceLock<Vec<f64>>>,
 }
 
-/// The variance of a row's entries is averaged over so many patterns of random signs. Its relative error is then below one half, and that of
-/// a sum over many rows far smaller.
+/// The number of patterns of random signs that estimate the variance of a row's entries. The relative error of the estimate is then below one
+/// half, and that of a sum over many rows far smaller.
 const SIGNS: u64 = 8;
 
 /// The variance of a missing sample, relative to the square of the row's largest possible photo. The sample then tells nothing.
@@ -268,8 +268,8 @@ impl Posterior {
         Ok([kept.par_iter().map(pattern).collect(), kept.par_iter().map(photo).collect()])
     }
 
-    /// The standard error of the norm of a product with the transpose, for a pattern of camera pixels (`m`). What the captures leave open is
-    /// alike in the rows of neighbouring pixels, so the errors of rows add up as if they were all alike. The true error may be smaller.
+    /// The standard error of the norm of a product with the transpose, for a pattern of camera pixels (`m`). The errors of
+    /// neighbouring rows are correlated, so the errors of all rows are added as if they were fully correlated. The true error may be smaller.
     pub fn dual_error(&self, pattern: &[f64]) -> f64 {
         let variances = self.variances.get_or_init(|| {
             let mut sums = vec![0.0; self.state.levels.len()];

@@ -8,7 +8,7 @@ use crate::image::Resolution;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Prior {
-    /// The distance in projector pixels over which global light is alike.
+    /// The correlation length of global light, in projector pixels.
     pub reach: f64,
     /// The standard deviation of an entry of global light, in units of `s`.
     pub global: f64,

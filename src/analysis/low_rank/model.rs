@@ -293,7 +293,7 @@ impl LowRank {
     }
 
     /// The expected norm of the error of a product of the transpose with `y` (`m` values). Where photos and patterns have different sizes, all
-    /// of `y` counts as outside the span of what was captured.
+    /// of `y` counts as outside the span of the captured patterns.
     pub fn dual_error(&self, y: &[f64]) -> f64 {
         match &self.posterior {
             Some(posterior) => posterior.dual_error(y),

@@ -94,7 +94,7 @@ impl Mask {
         Self::merged(&labels, &Csr::sum(&[(1.0, weights)])?)
     }
 
-    /// The mask `Σ m_k p_kᵀ` of as many `masks` (`m` each) as `patterns` (`n` each).
+    /// The mask `Σ m_k p_kᵀ` of equally many `masks` (`m` values each) and `patterns` (`n` values each).
     ///
     /// # Errors
     /// [`Error::Dimension`] if their numbers differ, or the sizes of `masks`.

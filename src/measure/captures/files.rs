@@ -9,7 +9,7 @@ use crate::io::{npy, picture};
 
 /// A stack of pictures: numbered files, or the slices of one array.
 pub(super) struct Stack {
-    /// What the pictures are: `patterns` or `photos`.
+    /// The kind of pictures: `patterns` or `photos`.
     what: &'static str,
     place: PathBuf,
     files: Option<BTreeMap<u64, PathBuf>>,

@@ -36,7 +36,7 @@ pub struct Captures {
     pub map: CaptureMap,
     /// The unit of photos.
     pub unit: &'static str,
-    /// What the files show about the captures.
+    /// The findings about the files.
     pub findings: Vec<Finding>,
 }
 
@@ -65,8 +65,8 @@ impl Captures {
     /// Reads a folder of captures.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Data`] naming the file: `captures.toml`, a picture that is missing, that has a number of its own or that is
-    /// unlike the others, or a folder in which nothing can be used.
+    /// [`Error::Read`]; [`Error::Data`] naming the file: `captures.toml`, a missing picture, a picture without its partner, or a picture whose
+    /// size or number of channels differs from the others.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join(NAME);
         let spec = Spec::read(&path)?;
@@ -245,7 +245,7 @@ impl Reader<'_> {
         Ok(image)
     }
 
-    /// A frame of its own, the mean of its takes.
+    /// A separate frame, the mean of its takes.
     fn frame(&self, names: Option<&Several<String>>, exposure: f64) -> Result<Option<Image>> {
         let Some(names) = names.map(Several::list) else { return Ok(None) };
         let mut frames: Vec<Image> = Vec::new();

@@ -198,8 +198,8 @@ impl Separate {
         })
     }
 
-    /// Global light split by the distance that it travelled. It is left out if nobody asked for it and the map from camera to projector is
-    /// not known.
+    /// Global light split by the distance that it travelled. It is left out if it was not requested and the map from camera to projector
+    /// is not known.
     fn probed(&self, lab: &mut Lab, options: NearFarOptions, global: &Planes) -> Result<Option<NearFar>> {
         let homes = match lab.homes() {
             Err(Error::Option { fault, .. }) if self.probes.is_none() => {
