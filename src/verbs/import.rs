@@ -76,8 +76,12 @@ pub struct Imported {
     pub light: Arc<CapturedLight>,
 }
 
-/// A prediction counts as good if its error is at most so many times the noise of a photo.
+/// A prediction counts as good if its error is at most this multiple of the noise of a photo.
 const OF_NOISE: f64 = 1.5;
+
+/// A model fails if its error is above this multiple of that of the mean photo, each row's average entry times the light of the pattern. A
+/// model of photos that do not belong to their patterns has about the error of the mean photo.
+const OF_MEAN: f64 = 0.7;
 
 /// Stated errors count as right if the errors of the photos that were left out are within these multiples of them.
 const STATED: [f64; 2] = [0.6, 1.6];
@@ -178,7 +182,16 @@ impl Answer for Imported {
 
     fn findings(&self) -> Vec<Finding> {
         let help = "capture more patterns, or patterns of more kinds: coarse and fine, random and smooth";
+        let by_mean = Ratio::of(self.root(|left| left.error), self.root(|left| left.by_mean), 0.0);
+        let by_mean = by_mean.value().unwrap_or(f64::INFINITY);
         let mut found = vec![match (self.error().value(), self.noise().value(), self.noise_is_known()) {
+            (Some(_), ..) if by_mean > OF_MEAN => Finding::graded(
+                "left-out photos",
+                Grade::Fails,
+                format!("predicted with {} times the error of a mean photo", decimal(by_mean, 2)),
+                format!("at most {OF_MEAN}"),
+                "check that each photo belongs to its pattern, and the responses; or capture more patterns",
+            ),
             (Some(error), Some(noise), true) => Finding::at_most(
                 "left-out photos",
                 [error / noise, 0.0, OF_NOISE],

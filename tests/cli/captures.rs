@@ -245,6 +245,20 @@ fn folders_that_cannot_be_read_are_refused_by_name() {
 }
 
 #[test]
+fn photos_that_do_not_belong_to_their_patterns_fail() {
+    let folder = new_folder();
+    pairs(folder.path());
+    for k in 0..20 {
+        write_photo(&folder.path().join(format!("photos/photo-{k}.png")), &photo(&pattern((7 * k + 3) % 20)));
+    }
+    let run = inside(&folder, "run");
+    let captures = folder.path().display().to_string();
+    let output = command(&["import", &captures, "-o", &run]).output().expect("it runs");
+    let told = text(&output.stdout);
+    assert!(output.status.code() == Some(1) && told.contains("belongs to its pattern"), "{told}");
+}
+
+#[test]
 fn saturated_samples_are_left_out_and_said() {
     let folder = new_folder();
     pairs(folder.path());

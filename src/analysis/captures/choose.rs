@@ -18,16 +18,18 @@ pub struct LeftOut {
     pub error: f64,
     /// The root mean square of the photos.
     pub light: f64,
+    /// The root mean square of the differences between the photos and a matrix whose rows are constant: the average entry of each row.
+    pub by_mean: f64,
     /// The root mean square of the photos' noise.
     pub noise: f64,
     /// The root mean square of the differences over their stated errors: 1 if the stated errors are right.
     pub z: f64,
 }
 
-/// One photo of so many is left out.
+/// One photo in this number is left out.
 const ONE_OF: usize = 5;
 
-/// The scales are chosen on at most so many camera pixels.
+/// The largest number of camera pixels on which the scales are chosen.
 const PIXELS: usize = 256;
 
 /// The fewest photos from which a model is made.
@@ -152,9 +154,16 @@ fn predicted(pairs: &Pairs, known: &Pairs, prior: Prior, photos: Vec<usize>) -> 
         })
     };
     let root = |of: &dyn Fn([f64; 3]) -> f64| mean_of(each().map(of)).sqrt();
+    let from_mean = |&k: &usize| {
+        let light: f64 = pairs.patterns[k].iter().sum();
+        let levels = posterior.state().levels.iter();
+        levels.zip(&pairs.photos[k]).map(move |(level, photo)| (photo - level * light).powi(2))
+    };
+    let by_mean = mean_of(photos.iter().flat_map(from_mean)).sqrt();
     Ok(LeftOut {
         error: root(&|[photo, found, _]| (photo - found).powi(2)),
         light: root(&|[photo, ..]| photo.powi(2)),
+        by_mean,
         noise: mean_of(posterior.noise().iter().map(|noise| noise.powi(2))).sqrt(),
         z: root(&|[photo, found, stated]| ((photo - found) / stated).powi(2)),
         photos,
