@@ -169,7 +169,7 @@ fn a_saved_fit_answers_as_before_it_was_written() -> Result<()> {
             ambient: Image::filled(camera, 1, 0.0),
             resolution: camera,
             projector: bench.projector,
-            unit: "of the range".into(),
+            unit: "full scale".into(),
             source: "test".into(),
         };
         let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;

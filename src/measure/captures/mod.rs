@@ -123,11 +123,7 @@ impl Reader<'_> {
             name: name.unwrap_or_else(|| "captures".into()),
             path: self.path.to_path_buf(),
             map: self.map(photos[0].resolution(), patterns[0].resolution())?,
-            unit: if self.spec.photos.exposure.is_some() {
-                "of the range per second"
-            } else {
-                "of the range"
-            },
+            unit: if self.spec.photos.exposure.is_some() { "full scale/s" } else { "full scale" },
             patterns,
             photos,
             ambient,
