@@ -259,7 +259,7 @@ fn answers(rig: &mut Lab, exact: &mut Lab) -> Outcome<Vec<Stated>> {
     });
     let by = SeparateBy::Checkerboards { square: 2, shifts: 4 };
     let [squares, codes] = [by, SeparateBy::Codes { photos: 16 }]
-        .map(|by| separate(&mut full, Resolution::new(SIDE, SIDE), by, 0));
+        .map(|by| separate(&mut full, (Resolution::new(SIDE, SIDE), None), by, 0));
     let stated = |(values, errors): (Vec<f64>, Option<Vec<f64>>)| Stated {
         name: "separated",
         values: scaled(values),

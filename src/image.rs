@@ -130,6 +130,19 @@ impl Image {
         self.samples.iter().skip(channel).step_by(self.channels).map(|&v| f64::from(v)).collect()
     }
 
+    /// The luminance of linear red, green and blue as a plane of `w·h` values; of a gray image, its values.
+    pub fn luminance(&self) -> Vec<f64> {
+        match self.channels {
+            3 => {
+                let pixels = self.samples.chunks_exact(3);
+                pixels
+                    .map(|pixel| pixel.iter().zip(LUMINANCE).map(|(v, share)| f64::from(*v) * share).sum())
+                    .collect()
+            }
+            _ => self.plane(0),
+        }
+    }
+
     /// Every channel as a plane of `w·h` values.
     pub fn planes(&self) -> Vec<Vec<f64>> {
         (0..self.channels).map(|channel| self.plane(channel)).collect()

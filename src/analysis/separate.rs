@@ -21,12 +21,14 @@ mod high_frequency;
 use super::LowRank;
 use super::low_rank::{LowRankCapture, capture};
 use super::planes::Planes;
+use super::probe::Homes;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::krylov::{Start, diagonal};
+use crate::measure::{code_patterns, shifted_checkerboards};
 use crate::operator::{Operator, Symmetry, product};
 use crate::transport::{Bounces, TransportMatrix};
-use high_frequency::{check_checkerboards, check_codes, check_sinusoids};
+use high_frequency::{check_checkerboards, check_codes, check_sinusoids, lines, waves};
 
 /// Direct and global light under white, which is a pattern of ones.
 #[derive(Clone, Debug, PartialEq)]
@@ -124,6 +126,18 @@ impl SeparateBy {
         }
     }
 
+    /// The patterns of a method that fits lines to the photos.
+    fn patterns(self, resolution: Resolution) -> Option<Box<dyn Iterator<Item = Vec<f64>>>> {
+        match self {
+            Self::Checkerboards { square, shifts } => {
+                Some(Box::new(shifted_checkerboards(resolution, square, shifts)))
+            }
+            Self::Sinusoids { period, phases } => Some(Box::new(waves(resolution, period, phases))),
+            Self::Codes { photos } => Some(Box::new(code_patterns(resolution, photos))),
+            Self::Random { .. } | Self::Capture { .. } => None,
+        }
+    }
+
     /// Separates direct and global light of `operator`, which transports all light (`n × n`). The symmetry of the operator is not checked.
     /// Fails with the errors of the method.
     pub fn measure(
@@ -151,23 +165,35 @@ impl SeparateBy {
     }
 }
 
-/// Separates direct and global light of `operator`, which transports all light of a coaxial rig (`n × n`).
+/// Separates direct and global light of `operator`, which transports all light (`m × n`) of patterns of the size `resolution`. On a coaxial
+/// rig (`n × n`, symmetric) camera pixels see the direct light of their own projector pixel, elsewhere that of their home.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--by` if the operator is not symmetric (a pixel then sees light of another pixel); the errors of the method.
+/// [`Error::Option`] naming `--by` if the operator is not symmetric and the homes are not known, or if the method cannot use them; the
+/// errors of the method.
 pub fn separate(
     operator: &mut dyn Operator,
-    resolution: Resolution,
+    (resolution, homes): (Resolution, Option<&Homes>),
     by: SeparateBy,
     seed: u64,
 ) -> Result<Separation> {
-    if operator.symmetry() != Symmetry::Symmetric {
-        return Err(Error::option("--by", format!(
-                "{} needs a coaxial rig, where the light that a pixel sees directly comes from that very pixel of the projector",
-                by.name()
-            )).help("use --by exact on a scene, or put the projector where the camera is"));
+    if operator.symmetry() == Symmetry::Symmetric {
+        return by.measure(operator, resolution, seed);
     }
-    by.measure(operator, resolution, seed)
+    by.check()?;
+    match (by.patterns(resolution), homes) {
+        (Some(patterns), Some(homes)) => lines(operator, Some(homes), patterns),
+        (None, Some(_)) => Err(Error::option("--by", format!(
+            "{} needs a coaxial rig, where the light that a pixel sees directly comes from that very pixel of the projector",
+            by.name()
+        ))
+        .help("use --by checkerboards, sinusoids or codes, which follow the map from camera to projector")),
+        (_, None) => Err(Error::option("--by", format!(
+            "{} needs to know which pixel of the projector lights a camera pixel directly, and this light does not tell",
+            by.name()
+        ))
+        .help("use --by exact on a scene, put the projector where the camera is, or give the direct light or the map")),
+    }
 }
 
 // These methods estimate the diagonal of `A`. For coaxial pinholes, the diagonal is the direct light plus the global light that returns to

@@ -10,25 +10,26 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::options::ViewArgs;
+use crate::analysis::captures::captured_checkerboards;
 use crate::error::{Error, Result};
 use crate::finding::decimal;
-use crate::image::Resolution;
+use crate::image::{Image, Resolution};
 use crate::io::atomic;
 use crate::io::name::Name;
 use crate::io::raster::Raster;
 use crate::io::raster::encode_srgb;
 use crate::io::sparse::{self, Pictures};
 use crate::lab::{self, SourceKind};
-use crate::measure::RigFile;
+use crate::measure::{CaptureMap, Captures, RigFile, is_captures};
 use crate::render;
 use crate::scene::{self, Camera, LoadOptions, Scene};
 use crate::verbs::rig::about;
 
-/// Show the graphics adapters and their limits, and what is in a scene, a rig file or a matrix file
+/// Show the graphics adapters and their limits, and what is in a scene, a rig file, a matrix file or a folder of captures
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  krylux info\n  krylux info scene.glb")]
 pub(super) struct Args {
-    /// A scene (.glb, .gltf, .obj), a rig (.toml) or a matrix (.npz, .npy, .mtx, .mtx.gz, .mat) to describe as well
+    /// A scene (.glb, .gltf, .obj), a rig (.toml), a matrix (.npz, .npy, .mtx, .mtx.gz, .mat) or a folder of captures to describe as well
     #[arg(value_name = "SOURCE")]
     source: Option<PathBuf>,
     #[command(flatten)]
@@ -51,7 +52,9 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut scene = None;
     let mut rig = None;
     let mut matrix = None;
+    let mut captures = None;
     match &args.source {
+        Some(path) if is_captures(path) => captures = Some(about_captures(path, console)?),
         Some(path) if SourceKind::of(path) == SourceKind::Rig => rig = Some(about(&RigFile::load(path)?)),
         Some(path) if SourceKind::of(path) == SourceKind::Matrix => {
             matrix = Some(about_matrix(path, console)?);
@@ -98,12 +101,48 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         "scene": scene.as_ref().map(describe),
         "rig": rig,
         "matrix": matrix,
+        "captures": captures,
     }))?;
-    // The command fails without an adapter, unless the source is a rig or a matrix, which need none.
-    if adapters.is_empty() && rig.is_none() && matrix.is_none() {
+    // The command fails without an adapter, unless the source needs none.
+    if adapters.is_empty() && rig.is_none() && matrix.is_none() && captures.is_none() {
         return Err(render::no_adapter());
     }
     Ok(Outcome::Done)
+}
+
+/// Describes a folder of captures.
+fn about_captures(folder: &Path, console: &Console) -> Result<serde_json::Value> {
+    let captures = Captures::read(folder)?;
+    let [camera, projector] = [&captures.photos, &captures.patterns].map(|images| images[0].resolution());
+    let planes: Vec<Vec<f64>> = captures.patterns.iter().map(Image::luminance).collect();
+    let checkerboards = captured_checkerboards(&planes, projector);
+    let map = match &captures.map {
+        CaptureMap::Coaxial => "coaxial",
+        CaptureMap::Found => "to be found from the photos",
+        CaptureMap::None => "none",
+        CaptureMap::Given(_) => "given",
+    };
+    let count = captures.photos.len();
+    console.say(format_args!("captures  {}", folder.display()))?;
+    console.say(format_args!("  photos  {count} of {camera} pixels; patterns {projector}"))?;
+    if let Some([square, shifts]) = checkerboards {
+        console.say(format_args!("  boards  checkerboards of {square} px at {shifts}×{shifts} places"))?;
+    }
+    console.say(format_args!("  map     {map}"))?;
+    let noise =
+        if captures.noise.is_some() { "by repeated takes" } else { "not known: no photo was repeated" };
+    console.say(format_args!("  noise   {noise}"))?;
+    Ok(json!({
+        "folder": Name::from(folder),
+        "photos": count,
+        "camera": camera,
+        "projector": projector,
+        "checkerboards": checkerboards,
+        "map": map,
+        "noise_is_measured": captures.noise.is_some(),
+        "unit": captures.unit,
+        "findings": captures.findings,
+    }))
 }
 
 /// Describes a matrix file.

@@ -247,6 +247,18 @@ pub fn checkerboard(resolution: Resolution, side: usize, [right, down]: [usize; 
     (0..resolution.pixels()).map(lit).collect()
 }
 
+/// The checkerboards of Nayar's separation, at `shifts²` places, row by row. The step between places is `2·side/shifts` pixels, rounded
+/// down.
+pub fn shifted_checkerboards(
+    resolution: Resolution,
+    side: usize,
+    shifts: usize,
+) -> impl Iterator<Item = Vec<f64>> {
+    let offset = move |shift: usize| shift * 2 * side / shifts;
+    (0..shifts * shifts)
+        .map(move |at| checkerboard(resolution, side, [offset(at % shifts), offset(at / shifts)]))
+}
+
 /// The checkerboards, shifted by half a square: each pixel is well inside a bright square and well inside a dark square at least once.
 fn squares(resolution: Resolution, side: usize) -> Vec<Vec<f64>> {
     let shifts = |to: usize| (0..to).step_by(side.div_ceil(2));

@@ -54,7 +54,7 @@ pub(crate) mod spread;
 
 pub use calibration::{Calibration, CameraResponse, FlatField, Registration, Stability};
 pub use captures::{CaptureMap, Captures, is_captures};
-pub use direct::{checkerboard, code_patterns};
+pub use direct::{checkerboard, code_patterns, shifted_checkerboards};
 pub use display::{bit_plane_amplification, bit_plane_weights};
 #[cfg(test)]
 pub(crate) use frame_source::simulated;

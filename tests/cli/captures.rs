@@ -6,7 +6,7 @@ use std::path::Path;
 use image::{GrayImage, ImageBuffer, Luma};
 use krylux::image::{Image, Resolution};
 use krylux::io::{npy, picture};
-use krylux::measure::Captures;
+use krylux::measure::{Captures, shifted_checkerboards};
 use tempfile::TempDir;
 
 use crate::program::{command, inside, text};
@@ -130,7 +130,7 @@ fn every_layout_is_imported() {
     toml(
         "boards",
         &format!(
-            "layout = \"checkerboards\"\nmap = \"none\"\n[patterns]\nsize = [6, 4]\nsquare = 1\nshifts = 2\n[photos]\nfiles = \"*.png\"\n{camera}"
+            "layout = \"checkerboards\"\nmap = \"coaxial\"\n[patterns]\nsize = [6, 4]\nsquare = 1\nshifts = 2\n[photos]\nfiles = \"*.png\"\n{camera}"
         ),
     );
     for k in 0..4 {
@@ -155,6 +155,78 @@ fn every_layout_is_imported() {
         let error = imported(&at(name), &inside(&folder, &format!("run-{name}")));
         assert!(error < bound, "{name}: {error}");
     }
+}
+
+/// A separation asks for the checkerboards that were captured. `info` names them.
+#[test]
+fn captured_checkerboards_are_what_a_separation_asks_for() {
+    let folder = new_folder();
+    let at = |name: &str| inside(&folder, name);
+    fs::create_dir(at("boards")).expect("the folder can be written");
+    let described = "layout = \"checkerboards\"\nmap = \"coaxial\"\n[patterns]\nsize = [6, 4]\nsquare = 3\nshifts = 3\n[photos]\nfiles = \"y.npy\"\n";
+    fs::write(at("boards/captures.toml"), described).expect("the folder can be written");
+    let boards = shifted_checkerboards(PATTERN, 3, 3);
+    let photos: Vec<f64> = boards.flat_map(|board| photo(&board)).collect();
+    npy::write_npy(Path::new(&at("boards/y.npy")), &[9, 5, 8], &photos).expect("the folder can be written");
+    imported(Path::new(&at("boards")), &at("run"));
+    for (words, expected) in [
+        (vec!["info", &at("boards")], "checkerboards of 3 px at 3×3 places"),
+        (
+            vec!["separate", &at("run"), "--probes", "0", "-o", &at("captured")],
+            "checkerboards of 3 px at 3×3 places",
+        ),
+        (
+            vec!["separate", &at("run"), "--square", "2", "--probes", "0", "-o", &at("asked")],
+            "checkerboards of 2 px at 4×4 places",
+        ),
+    ] {
+        let output = command(&words).output().expect("it runs");
+        let said = text(&output.stdout);
+        assert!(
+            output.status.success() && said.contains(expected),
+            "{words:?}: {said}{}",
+            text(&output.stderr)
+        );
+    }
+}
+
+/// Raw files go through the program that `converter` names, and other files do not.
+#[cfg(unix)]
+#[test]
+fn raw_files_are_read_through_a_named_converter() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = new_folder();
+    let at = |name: &str| folder.path().join(name);
+    pairs(folder.path());
+    let described = PAIRS
+        .replace("photo-*.png", "photo-*.nef")
+        .replace("bits = 12\nblack_level = 64\n", "converter = \"dcraw\"\n");
+    fs::write(at("captures.toml"), described).expect("the folder can be written");
+    for k in 0..20 {
+        let mut ppm = format!("P5\n{} {}\n65535\n", PHOTO.width, PHOTO.height).into_bytes();
+        ppm.extend(photo(&pattern(k)).iter().flat_map(|value| ((value * 65535.0) as u16).to_be_bytes()));
+        fs::write(at(&format!("photos/photo-{k}.nef")), ppm).expect("the folder can be written");
+    }
+    let captures = folder.path().display().to_string();
+    let run = |path: &Path, out: &str| {
+        let words = ["import", captures.as_str(), "-o", &inside(&folder, out)];
+        let output = command(&words).env("PATH", path).output().expect("it runs");
+        (output.status.code(), text(&output.stderr))
+    };
+    // A program that takes its last argument for what it converts.
+    fs::create_dir(at("bin")).expect("the folder can be written");
+    let program = |script: &str| {
+        fs::write(at("bin/dcraw"), script).expect("the folder can be written");
+        fs::set_permissions(at("bin/dcraw"), fs::Permissions::from_mode(0o755)).expect("it is there");
+    };
+    let (status, said) = run(&at("bin"), "none");
+    assert!(status == Some(2) && said.contains("dcraw") && said.contains("not installed"), "{said}");
+    program("#!/bin/sh\nfor last; do :; done\nexec /bin/cat \"$last\"\n");
+    let (status, said) = run(&at("bin"), "run");
+    assert_eq!(status, Some(0), "{said}");
+    program("#!/bin/sh\necho 'no sensor data' >&2\nexit 1\n");
+    let (status, said) = run(&at("bin"), "failed");
+    assert!(status == Some(2) && said.contains("photo-0.nef") && said.contains("no sensor data"), "{said}");
 }
 
 /// What is changed in a folder of pairs, and the words of the error.

@@ -11,8 +11,16 @@ use crate::common::{root, scene_path};
 use crate::program::{command, folder, inside, rig, text};
 
 /// Columns of the table.
-const SOURCES: [&str; 7] =
-    ["scene", "scene, two sizes", "rig", "run", "matrix", "matrix, two sizes", "matrix without sizes"];
+const SOURCES: [&str; 8] = [
+    "scene",
+    "scene, two sizes",
+    "rig",
+    "run",
+    "matrix",
+    "matrix, two sizes",
+    "matrix without sizes",
+    "captures",
+];
 
 /// Rows of the table: the verb, and its options. `TARGET` and `RHS` stand for files of the source's size.
 const VERBS: [(&str, &[&str]); 14] = [
@@ -54,6 +62,16 @@ fn sources(folder: &TempDir) -> Vec<Vec<String>> {
     run(&["segment"], &bench, &["--groups", "2", "--photos", "8", "-o", &at("run")], &[0, 1]);
     let bare: Vec<f64> = (0..64 * 64).map(|at| f64::from(at % 65 == 0) + f64::from(at % 7)).collect();
     npy::write_npy(&folder.path().join("N.npy"), &[64, 64], &bare).expect("the folder can be written");
+    std::fs::create_dir(at("captures")).expect("the folder can be written");
+    // A scene of direct light and even global light, under patterns that no number divides.
+    let patterns: Vec<f64> = (0..12 * 64).map(|at| f64::from(at * at % 97 % 5) / 4.0).collect();
+    let photo = |x: &[f64]| x.iter().map(|v| 0.5 * v + 0.002 * x.iter().sum::<f64>()).collect::<Vec<_>>();
+    let photos: Vec<f64> = patterns.chunks(64).flat_map(photo).collect();
+    for (name, values) in [("captures/x.npy", &patterns), ("captures/y.npy", &photos)] {
+        npy::write_npy(Path::new(&at(name)), &[12, 8, 8], values).expect("the folder can be written");
+    }
+    let described = "map = \"coaxial\"\n[patterns]\nfiles = \"x.npy\"\n[photos]\nfiles = \"y.npy\"\n";
+    std::fs::write(at("captures/captures.toml"), described).expect("the folder can be written");
     vec![
         plain,
         apart,
@@ -62,6 +80,7 @@ fn sources(folder: &TempDir) -> Vec<Vec<String>> {
         words(&[&at("A.npz")]),
         words(&[&at("B.npz")]),
         words(&[&at("N.npy")]),
+        words(&[&at("captures")]),
     ]
 }
 

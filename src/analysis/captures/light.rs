@@ -3,7 +3,7 @@
 use super::{FoundHomes, LeftOut, Pairs, Places, coaxial_homes, find_homes, fit};
 use crate::analysis::low_rank::SavedModel;
 use crate::error::{Error, Result};
-use crate::image::{Image, LUMINANCE};
+use crate::image::Image;
 use crate::measure::{CaptureMap, Captures};
 
 /// The light transport that captures tell.
@@ -33,9 +33,9 @@ pub fn fit_captures(captures: Captures, luma: bool) -> Result<CapturedLight> {
         return refused("its patterns have colours".into(), "ask with --channels rgb, of coloured photos");
     }
     let channels = if luma { 1 } else { photos.first().map_or(1, Image::channels) };
-    let plane = |image: &Image, channel: usize| match (image.channels(), luma) {
-        (3, true) => luminance(image),
-        (own, _) => image.plane(channel.min(own - 1)),
+    let plane = |image: &Image, channel: usize| match luma {
+        true => image.luminance(),
+        false => image.plane(channel.min(image.channels() - 1)),
     };
     let planes = |images: &[Image], channel: usize| -> Vec<Vec<f64>> {
         images.iter().map(|image| plane(image, channel)).collect()
@@ -77,9 +77,4 @@ pub fn fit_captures(captures: Captures, luma: bool) -> Result<CapturedLight> {
         source: captures.name.clone(),
     };
     Ok(CapturedLight { model, photos: of_channels, left_out, found, captures })
-}
-
-fn luminance(image: &Image) -> Vec<f64> {
-    let pixels = image.samples().chunks_exact(3);
-    pixels.map(|pixel| pixel.iter().zip(LUMINANCE).map(|(v, weight)| f64::from(*v) * weight).sum()).collect()
 }

@@ -16,6 +16,7 @@
 mod basis;
 mod choose;
 mod homes;
+mod known;
 mod light;
 mod posterior;
 mod prior;
@@ -28,6 +29,7 @@ use crate::image::Resolution;
 
 pub use choose::{LeftOut, choose};
 pub use homes::{FoundHomes, coaxial_homes, find_homes};
+pub use known::captured_checkerboards;
 pub use light::{CapturedLight, fit_captures};
 pub use posterior::{Posterior, PosteriorState};
 pub use prior::Prior;

@@ -69,7 +69,7 @@ impl Bench {
 }
 
 fn prior(pairs: &Pairs) -> Prior {
-    Prior { width: 0.5, ..Prior::start(pairs.projector, true) }
+    Prior { width: 0.5, ..Prior::starts(pairs.projector, true, true)[0] }
 }
 
 #[test]

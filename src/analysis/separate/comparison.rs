@@ -55,7 +55,7 @@ pub fn compare_separations<O: Operator>(
         });
     };
     for by in boards.into_iter().chain(waves).chain(codes).chain(random) {
-        let one = |operator: &mut O| separate(operator, resolution, by, seed);
+        let one = |operator: &mut O| separate(operator, (resolution, None), by, seed);
         row(by, &full.iter_mut().map(one).collect::<Result<Vec<_>>>()?);
     }
     // A single capture serves all numbers of photos, because its first photos equal the photos of a shorter capture.

@@ -9,10 +9,11 @@
 //! They do not cover the global light that a pixel receives from its surroundings within a square, because this light follows the pattern
 //! as direct light does.
 
+use crate::analysis::probe::Homes;
 use crate::analysis::separate::Separation;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::measure::{checkerboard, code_patterns};
+use crate::measure::{code_patterns, shifted_checkerboards};
 use crate::operator::{Operator, check_square, each_product};
 
 /// Separates with `shifts²` photos of checkerboards by `operator` (`n × n`, all light). The squares have a side of `square` pixels. They
@@ -27,14 +28,7 @@ pub fn checkerboards(
     shifts: usize,
 ) -> Result<Separation> {
     check_checkerboards(square, shifts)?;
-    let offset = |shift: usize| shift * 2 * square / shifts;
-    let mut fit = LineFit::new(operator, resolution)?;
-    let patterns = (0..shifts * shifts).map(|shift| {
-        let (row, column) = (shift / shifts, shift % shifts);
-        checkerboard(resolution, square, [offset(column), offset(row)])
-    });
-    fit.take(operator, patterns)?;
-    Ok(fit.separation())
+    lines(operator, None, shifted_checkerboards(resolution, square, shifts))
 }
 
 /// Separates with `2·phases` photos of sinusoids by `operator` (`n × n`, all light). The sinusoids have a period of `period` pixels and
@@ -49,16 +43,18 @@ pub fn sinusoids(
     phases: usize,
 ) -> Result<Separation> {
     check_sinusoids(period, phases)?;
-    let mut fit = LineFit::new(operator, resolution)?;
-    let patterns = (0..2 * phases).map(|photo| {
+    lines(operator, None, waves(resolution, period, phases))
+}
+
+/// The patterns of [`sinusoids`].
+pub(super) fn waves(resolution: Resolution, period: f64, phases: usize) -> impl Iterator<Item = Vec<f64>> {
+    (0..2 * phases).map(move |photo| {
         let (along_rows, shift) = (photo < phases, (photo % phases) as f64 / phases as f64);
         pattern(resolution, |x, y| {
             let at = if along_rows { x } else { y } as f64 + 0.5;
             0.5 + 0.5 * (std::f64::consts::TAU * (at / period + shift)).cos()
         })
-    });
-    fit.take(operator, patterns)?;
-    Ok(fit.separation())
+    })
 }
 
 /// Refuses squares that cannot be shifted to this number of positions.
@@ -91,12 +87,7 @@ fn pattern(resolution: Resolution, value: impl Fn(usize, usize) -> f64) -> Vec<f
     (0..resolution.height).flat_map(|y| (0..resolution.width).map(move |x| value(x, y))).collect()
 }
 
-/// The least-squares line `y = D p + G/2` of each pixel through the photos so far.
-pub(super) struct LineFit {
-    photos: usize,
-    sums: Vec<Sums>,
-}
-
+/// The sums of a camera pixel for the line `y = D p + G/2` through its values `y` in the photos so far.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     p: f64,
@@ -109,6 +100,10 @@ struct Sums {
 impl Sums {
     /// Returns `D`, `G` and their standard errors from `count` photos.
     fn line(&self, count: f64) -> [f64; 4] {
+        if self.p == 0.0 {
+            let all = 2.0 * self.y / count;
+            return [0.0, all, all.abs(), all.abs()];
+        }
         let spread = self.pp - self.p * self.p / count;
         if spread <= 1e-9 * count {
             // If the pattern never changed, nothing can be separated. All light then counts as direct, with an equally large standard
@@ -130,42 +125,41 @@ impl Sums {
     }
 }
 
-impl LineFit {
-    pub(super) fn new(operator: &dyn Operator, resolution: Resolution) -> Result<Self> {
-        let n = resolution.pixels();
-        check_square("the transport operator of a separation", n, operator)?;
-        Ok(Self { photos: 0, sums: vec![Sums::default(); n] })
+/// Separates by least-squares lines `y = D p + G/2` through the photos of these patterns. `p` is the pattern's value at the home of a camera
+/// pixel, or at the same pixel without homes. The direct light of a pixel without a home is 0, with an error as large as all its light.
+pub(super) fn lines(
+    operator: &mut dyn Operator,
+    homes: Option<&Homes>,
+    patterns: impl Iterator<Item = Vec<f64>>,
+) -> Result<Separation> {
+    let mut sums = vec![Sums::default(); operator.rows()];
+    match homes {
+        Some(homes) => Error::check_size("homes of camera pixels", sums.len(), homes.len())?,
+        None => check_square("the transport operator of a separation", sums.len(), operator)?,
     }
-
-    pub(super) fn take(
-        &mut self,
-        operator: &mut dyn Operator,
-        patterns: impl Iterator<Item = Vec<f64>>,
-    ) -> Result<()> {
-        each_product(operator, patterns, |pattern, photo| {
-            self.photos += 1;
-            for ((sums, p), y) in self.sums.iter_mut().zip(pattern).zip(photo) {
-                sums.p += p;
-                sums.y += y;
-                sums.pp += p * p;
-                sums.py += p * y;
-                sums.yy += y * y;
-            }
-            Ok(())
-        })
-    }
-
-    pub(super) fn separation(self) -> Separation {
-        let lines: Vec<[f64; 4]> = self.sums.iter().map(|sums| sums.line(self.photos as f64)).collect();
-        let of = |which: usize| lines.iter().map(|line| line[which]).collect();
-        Separation {
-            direct: of(0),
-            global: of(1),
-            standard_error: Some(of(2)),
-            global_error: Some(of(3)),
-            photos: self.photos,
+    let mut photos = 0;
+    each_product(operator, patterns, |pattern, photo| {
+        photos += 1;
+        for (pixel, (sums, y)) in sums.iter_mut().zip(photo).enumerate() {
+            let home = homes.map_or(Some(pixel), |homes| homes[pixel]);
+            let p = home.map_or(0.0, |home| pattern[home]);
+            sums.p += p;
+            sums.y += y;
+            sums.pp += p * p;
+            sums.py += p * y;
+            sums.yy += y * y;
         }
-    }
+        Ok(())
+    })?;
+    let lines: Vec<[f64; 4]> = sums.iter().map(|sums| sums.line(photos as f64)).collect();
+    let of = |which: usize| lines.iter().map(|line| line[which]).collect();
+    Ok(Separation {
+        direct: of(0),
+        global: of(1),
+        standard_error: Some(of(2)),
+        global_error: Some(of(3)),
+        photos,
+    })
 }
 
 // Separation by codes ([`crate::measure::code_patterns`]): each pixel is lit in half of the photos, and near pixels have different codes.
@@ -180,9 +174,7 @@ impl LineFit {
 /// [`Error::Option`] for another number of photos; [`Error::Dimension`] if sizes differ; any error of the operator.
 pub fn codes(operator: &mut dyn Operator, resolution: Resolution, photos: usize) -> Result<Separation> {
     check_codes(photos)?;
-    let mut fit = LineFit::new(operator, resolution)?;
-    fit.take(operator, code_patterns(resolution, photos))?;
-    Ok(fit.separation())
+    lines(operator, None, code_patterns(resolution, photos))
 }
 
 /// Refuses a number of photos that does not make a complete set of codes.
@@ -200,6 +192,7 @@ pub(super) fn check_codes(photos: usize) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::analysis::separate::{SeparateBy, separate};
     use crate::krylov::dot;
     use crate::operator::{Closure, Symmetry};
 
@@ -252,6 +245,41 @@ mod tests {
                 && sinusoids(&mut Even, resolution, 1.0, 3).is_err()
                 && sinusoids(&mut Even, resolution, 4.0, 2).is_err()
         );
+        Ok(())
+    }
+
+    /// Camera and projector have different sizes, and one camera pixel sees nothing of the projector directly.
+    #[test]
+    fn between_two_sizes_both_are_exact_by_the_map() -> Result<()> {
+        let (camera, projector) = (Resolution::new(7, 5), Resolution::new(12, 8));
+        let home = |pixel: usize| (pixel > 0).then_some(pixel * 37 % projector.pixels());
+        let homes: Vec<Option<usize>> = (0..camera.pixels()).map(home).collect();
+        let photo = |x: &[f64], y: &mut [f64]| {
+            let global = x.iter().sum::<f64>() / x.len() as f64;
+            let direct = |pixel: usize| homes[pixel].map_or(0.0, |home| (1.0 + pixel as f64) * x[home]);
+            y.iter_mut().enumerate().for_each(|(pixel, y)| *y = direct(pixel) + global);
+            Ok(())
+        };
+        let mut operator = Closure::new(camera.pixels(), projector.pixels(), Symmetry::General, photo);
+        for by in [
+            SeparateBy::Checkerboards { square: 2, shifts: 4 },
+            SeparateBy::Sinusoids { period: 4.0, phases: 3 },
+        ] {
+            let found = separate(&mut operator, (projector, Some(&homes)), by, 0)?;
+            for pixel in 1..camera.pixels() {
+                assert!((found.direct[pixel] - 1.0 - pixel as f64).abs() < 1e-10, "direct at {pixel}");
+                assert!((found.global[pixel] - 1.0).abs() < 1e-9, "global at {pixel}");
+            }
+            let errors = found.standard_error.unwrap_or_default();
+            assert!(found.direct[0] == 0.0 && (found.global[0] - errors[0]).abs() < 1e-12);
+        }
+        for (by, homes) in [
+            (SeparateBy::Random { photos: 4 }, Some(&homes[..])),
+            (SeparateBy::Checkerboards { square: 2, shifts: 4 }, None),
+        ] {
+            let refused = separate(&mut operator, (projector, homes), by, 0);
+            assert!(matches!(refused, Err(Error::Option { option, .. }) if option == "--by"));
+        }
         Ok(())
     }
 

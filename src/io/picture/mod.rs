@@ -124,6 +124,11 @@ pub fn require_finite(path: &Path, image: &Image) -> Result<()> {
         .help("replace NaN and infinite values by finite ones"))
 }
 
+/// Whether the extension is that of a format that can be read.
+pub fn is_known(path: &Path) -> bool {
+    kind(path).is_some()
+}
+
 fn kind(path: &Path) -> Option<PictureFormat> {
     match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
         "npy" => Some(PictureFormat::Npy),

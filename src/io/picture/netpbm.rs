@@ -41,7 +41,8 @@ pub(super) fn read(bytes: &[u8], max_samples: usize) -> Result<Stored, String> {
         }
         let levels: Vec<u16> = match kind {
             b'2' | b'3' => {
-                let level = |_| word(&mut rest)?.parse::<u16>().map_err(|_| "a sample is no number from 0 to 65535");
+                let level =
+                    |_| word(&mut rest)?.parse::<u16>().map_err(|_| "a sample is no number from 0 to 65535");
                 (0..count).map(level).collect::<Result<Vec<_>, _>>()?
             }
             _ if scale < 256.0 => whole(1)?.iter().map(|&level| u16::from(level)).collect(),

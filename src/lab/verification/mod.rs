@@ -19,9 +19,10 @@ use crate::analysis::verification::{
 };
 use crate::error::Result;
 use crate::finding::decimal;
-use crate::image::{Image, Resolution};
+use crate::image::Image;
 use crate::io::manifest::{CheckVerdict, Independent, Verification};
 use crate::krylov::{Eigs, Start};
+use crate::measure::checkerboard;
 use crate::operator::Operator;
 use crate::render::TraceSettings;
 use crate::transport::{EstimatedProduct, Part, Question, Squares, with_fewer_samples};
@@ -234,7 +235,7 @@ impl Lab {
         if size.pixels() != self.resolution().pixels() {
             return Ok(None);
         }
-        let pattern = checkerboard(size, 3);
+        let pattern = checkerboard(size, 3, [3, 0]);
         // The global light under the checkerboard differs from half of the global light under white. A scene's matrix gives the difference.
         // For a rig the difference is unknown, and is at most another half.
         let signs: Vec<f64> = pattern.iter().map(|x| x - 0.5).collect();
@@ -432,11 +433,6 @@ impl Eigenpairs<'_> {
             stated: (SIGNED * norm(self.residuals)).min(self.residuals.iter().sum()),
         }
     }
-}
-
-fn checkerboard(size: Resolution, square: usize) -> Vec<f64> {
-    let value = |pixel: usize| (pixel % size.width / square + pixel / size.width / square) % 2;
-    (0..size.pixels()).map(|pixel| value(pixel) as f64).collect()
 }
 
 #[cfg(test)]

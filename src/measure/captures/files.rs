@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::raw::{self, Converter};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
-use crate::io::{npy, picture};
+use crate::io::npy;
 
 /// A stack of pictures: numbered files, or the slices of one array.
 pub(super) struct Stack {
@@ -105,10 +106,10 @@ impl Stack {
     }
 
     /// Reads a picture: its levels, and the highest level that the format can hold.
-    pub(super) fn read(&self, at: usize) -> Result<(Image, Option<f32>)> {
+    pub(super) fn read(&self, at: usize, converter: Option<Converter>) -> Result<(Image, Option<f32>)> {
         match self.slices.get(at) {
             Some(image) => Ok((image.clone(), None)),
-            None => picture::read_levels(&self.path(at)),
+            None => raw::read(&self.path(at), converter),
         }
     }
 }

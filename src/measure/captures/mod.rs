@@ -4,6 +4,7 @@
 //! a source as any other.
 
 mod files;
+mod raw;
 mod spec;
 
 use std::path::{Path, PathBuf};
@@ -12,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade, percent};
 use crate::image::{Image, Resolution};
 use crate::io::npy;
+use crate::measure::shifted_checkerboards;
 
 use files::Stack;
 pub use spec::NAME;
@@ -99,7 +101,11 @@ impl Reader<'_> {
         for at in 0..first.len() {
             let mut of_takes = Vec::new();
             for (take, stack) in takes.iter().enumerate() {
-                let light = self.light(&stack.path(at), stack.read(at)?, exposures(take, at))?;
+                let light = self.light(
+                    &stack.path(at),
+                    stack.read(at, self.spec.photos.converter)?,
+                    exposures(take, at),
+                )?;
                 of_takes.push(self.alike(light, &stack.path(at), photos.first().or(dark.as_ref()))?);
             }
             photos.push(mean(&of_takes, &mut spread)?);
@@ -142,7 +148,7 @@ impl Reader<'_> {
         let mut patterns: Vec<Image> = Vec::new();
         for at in 0..stack.len() {
             let path = stack.path(at);
-            let (mut image, levels) = stack.read(at)?;
+            let (mut image, levels) = stack.read(at, None)?;
             let full = spec.bits.map(highest).or(levels.map(f64::from)).unwrap_or(1.0);
             require_range(&path, &image, full, "[patterns]")?;
             for value in image.samples_mut() {
@@ -163,10 +169,7 @@ impl Reader<'_> {
     /// Patterns that the layout tells.
     fn computed(&self, photos: &Stack) -> Result<Vec<Image>> {
         let size = self.spec.size().unwrap_or(Resolution::new(1, 1));
-        let pattern = |lit: &dyn Fn(usize, usize) -> bool| {
-            let pixels = (0..size.pixels()).map(|i| lit(i % size.width, i / size.width));
-            Image::new(size, 1, pixels.map(|lit| f32::from(u8::from(lit))).collect())
-        };
+        let pattern = |values: Vec<f64>| Image::from_planes(size, &[values]);
         match self.spec.layout {
             Layout::Checkerboards => {
                 let (square, shifts) = (
@@ -177,16 +180,13 @@ impl Reader<'_> {
                     shifts * shifts,
                     &format!("{shifts}×{shifts} places take {}", shifts * shifts),
                 )?;
-                let board = |k: usize| {
-                    let shift = |at: usize, step: usize| (at + step * 2 * square / shifts) / square % 2;
-                    pattern(&|x, y| (shift(x, k % shifts) + shift(y, k / shifts)).is_multiple_of(2))
-                };
-                (0..shifts * shifts).map(board).collect()
+                shifted_checkerboards(size, square, shifts).map(pattern).collect()
             }
             _ => {
                 let count = size.pixels();
                 photos.require(count, &format!("a projector of {size} has {count} pixels"))?;
-                (0..count).map(|k| pattern(&|x, y| y * size.width + x == k)).collect()
+                let lit = |k: usize| (0..count).map(|pixel| f64::from(u8::from(pixel == k))).collect();
+                (0..count).map(|k| pattern(lit(k))).collect()
             }
         }
     }
@@ -247,7 +247,7 @@ impl Reader<'_> {
         let mut frames: Vec<Image> = Vec::new();
         for name in names {
             let path = self.folder.join(name);
-            let frame = self.light(&path, crate::io::picture::read_levels(&path)?, exposure)?;
+            let frame = self.light(&path, raw::read(&path, self.spec.photos.converter)?, exposure)?;
             frames.push(self.alike(frame, &path, frames.first())?);
         }
         if frames.is_empty() { Ok(None) } else { mean(&frames, &mut None).map(Some) }

@@ -4,8 +4,10 @@ use std::path::Path;
 
 use serde::Deserialize;
 
+use super::raw::Converter;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
+use crate::io::raster::decode_srgb;
 use crate::measure::rig_file::parse;
 
 /// The name of the file.
@@ -70,6 +72,8 @@ pub(super) struct PhotoSpec {
     /// The level without light.
     #[serde(default)]
     pub black_level: f64,
+    /// The program that converts files of other formats than pictures.
+    pub converter: Option<Converter>,
     /// The camera's response.
     pub response: Option<Response>,
     /// Seconds: of all photos, of each take, or of each photo.
@@ -115,15 +119,7 @@ impl Response {
     /// The light of a level. Levels below zero keep their sign, so that noise around black stays without bias.
     pub(super) fn light(&self, level: f64) -> f64 {
         match self {
-            Self::Named(name) if name == "srgb" => {
-                let positive = level.abs();
-                let light = if positive <= 0.04045 {
-                    positive / 12.92
-                } else {
-                    ((positive + 0.055) / 1.055).powf(2.4)
-                };
-                light.copysign(level)
-            }
+            Self::Named(name) if name == "srgb" => f64::from(decode_srgb(level.abs() as f32)).copysign(level),
             Self::Named(_) => level,
             Self::Gamma(gamma) => level.abs().powf(*gamma).copysign(level),
             Self::Curve(points) => {

@@ -10,7 +10,7 @@
 //! | `KHR_texture_transform` | supported, for each texture separately |
 //! | `KHR_mesh_quantization` | supported |
 //! | `EXT_mesh_gpu_instancing` | supported |
-//! | `KHR_draco_mesh_compression`, `EXT_meshopt_compression`, `KHR_meshopt_compression` | decompressed by a krylux that is built with the feature `compressed`; without it an error where the file requires the extension, and otherwise the uncompressed copy in the file is read |
+//! | `KHR_draco_mesh_compression`, `EXT_meshopt_compression`, `KHR_meshopt_compression` | decompressed with the feature `compressed`, which is on by default; without it an error where the file requires the extension, and otherwise the uncompressed copy in the file is read |
 //! | `EXT_texture_webp` | supported |
 //! | `KHR_texture_basisu`, `EXT_texture_avif`, `MSFT_texture_dds` | another picture of the texture is used; where there is none, the texture is left out with a warning; an error where the file requires the extension |
 //! | `KHR_lights_punctual` | ignored with a warning: the projector is the light |
@@ -123,7 +123,7 @@ pub(super) fn advice(name: &str) -> &'static str {
             "convert its pictures: npx @gltf-transform/cli png SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)"
         }
         _ if compresses(name) => {
-            "decompress it: npx @gltf-transform/cli copy SCENE.glb PLAIN.glb (or build krylux with its decoders: cargo build --release --features compressed)"
+            "decompress it: npx @gltf-transform/cli copy SCENE.glb PLAIN.glb (or build krylux with its decoders: cargo build --release)"
         }
         _ if name.starts_with("KHR_materials_") => {
             "export the scene with materials that have metallic-roughness, specular, transmission and volume only"

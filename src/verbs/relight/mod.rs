@@ -12,7 +12,7 @@ use super::pattern::Pattern;
 use crate::analysis::low_rank::rank_curve;
 use crate::analysis::planes::{Planes, difference};
 use crate::error::{Error, Result};
-use crate::image::{Image, LUMINANCE, Resolution};
+use crate::image::{Image, Resolution};
 use crate::io::picture;
 use crate::lab::{ChannelChoice, GivenArray, Lab, LabOperator, SourceKind, Verb};
 use crate::transport::{Channels, Part};
@@ -212,11 +212,7 @@ impl Relight {
 fn photograph(path: &Path, camera: Resolution, channels: usize) -> Result<(String, Planes)> {
     let image = picture::read_sized(path, camera, "the camera")?;
     let planes = match (image.channels(), channels) {
-        (3, 1) => {
-            let [r, g, b] = [0, 1, 2].map(|channel| image.plane(channel));
-            let [red, green, blue] = LUMINANCE;
-            vec![(0..r.len()).map(|i| red * r[i] + green * g[i] + blue * b[i]).collect()]
-        }
+        (3, 1) => vec![image.luminance()],
         (1, 3) => {
             return Err(Error::data(path, "it is gray, but the model has three channels")
                 .help("give a coloured photo, or capture with --channels luma"));

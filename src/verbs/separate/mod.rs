@@ -15,6 +15,7 @@ use crate::analysis::separate::{
 };
 use crate::error::{Error, Result};
 use crate::lab::{ChannelChoice, Lab, LabOperator, Log, SourceKind, Verb};
+use crate::operator::{Operator, Symmetry};
 use crate::transport::{Channels, Part};
 
 pub use answer::Separated;
@@ -31,12 +32,12 @@ pub struct Separate {
     /// The method [default: exact on scenes, checkerboards on rigs]
     #[arg(long, value_enum, value_name = "NAME")]
     pub by: Option<SeparationMethod>,
-    /// Pixels of a checkerboard's squares
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = count::<usize>)]
-    pub square: usize,
-    /// Places that checkerboards are shifted to in each direction: as many photos squared
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = count::<usize>)]
-    pub shifts: usize,
+    /// Pixels of a checkerboard's squares [default: 2, or as captured]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
+    pub square: Option<usize>,
+    /// Places that checkerboards are shifted to in each direction: as many photos squared [default: 4, or as captured]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
+    pub shifts: Option<usize>,
     /// Pixels of a sinusoid's wave
     #[arg(long, value_name = "X", default_value_t = 4.0, value_parser = number::<f64>)]
     pub period: f64,
@@ -169,7 +170,11 @@ impl Separate {
         Some(match self.by.unwrap_or(default) {
             SeparationMethod::Exact => return None,
             SeparationMethod::Checkerboards => {
-                SeparateBy::Checkerboards { square: self.square, shifts: self.shifts }
+                let asked = self.square.is_some() || self.shifts.is_some();
+                let captured = if asked { None } else { lab.captured_checkerboards() };
+                let [square, shifts] =
+                    captured.unwrap_or([self.square.unwrap_or(2), self.shifts.unwrap_or(4)]);
+                SeparateBy::Checkerboards { square, shifts }
             }
             SeparationMethod::Sinusoids => SeparateBy::Sinusoids { period: self.period, phases: self.phases },
             // The number of photos of a source run is not used as the default: it may be any number, but codes need a power of two.
@@ -180,10 +185,13 @@ impl Separate {
     }
 
     fn by_photos(&self, lab: &mut Lab, by: SeparateBy, exact: Option<&[Planes; 2]>) -> Result<Separated> {
-        let (resolution, seed) = (lab.resolution(), lab.seed());
+        let (resolution, patterns, seed) = (lab.resolution(), lab.projector_resolution(), lab.seed());
         let mut operators = lab.operators(Part::Full)?;
+        let is_coaxial = operators.iter().all(|operator| operator.symmetry() == Symmetry::Symmetric);
+        let homes = if is_coaxial { None } else { lab.homes()? };
         lab.expect(by.photos());
-        let one = |operator: &mut LabOperator| separate(operator, resolution, by, seed);
+        let pixels = (patterns, homes.as_deref());
+        let one = |operator: &mut LabOperator| separate(operator, pixels, by, seed);
         let found = lab.photos(|_| operators.iter_mut().map(one).collect::<Result<Vec<_>>>())?;
         let of = |part: fn(&Separation) -> &Vec<f64>| found.iter().map(|f| part(f).clone()).collect();
         let light = [of(|found| &found.direct), of(|found| &found.global)];
