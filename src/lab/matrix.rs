@@ -2,6 +2,7 @@
 
 use crate::analysis::brute_force;
 use crate::analysis::plan::Twin;
+use crate::analysis::probe::epipolar_lines_of_map;
 use crate::error::{Error, Result};
 use crate::io::sparse::ProductNoise;
 use crate::lab::notes::Kind;
@@ -161,31 +162,43 @@ impl Lab {
         Ok(Some((0..light.rows()).map(home).collect()))
     }
 
-    /// The number of the epipolar line of each camera pixel and of each projector pixel, as [`epipolar_lines`].
+    /// The number of the epipolar line of each camera pixel and of each projector pixel, by the poses of the devices, or else by the map
+    /// between their pictures.
     ///
     /// # Errors
-    /// [`Error::Option`] naming `--mask` if the rig is coaxial, or if the poses of its devices are not known.
-    pub(crate) fn epipolar_lines(&self) -> Result<[Vec<Option<u32>>; 2]> {
-        let refused = |fault: String, help: &str| Err(Error::option("--mask", fault).help(help));
-        let Ok(source) = self.scene_source() else {
-            return refused(
+    /// [`Error::Option`] naming `--mask` if the rig is coaxial, or if neither the poses nor the map tell the lines.
+    pub(crate) fn epipolar_lines(&mut self) -> Result<[Vec<Option<u32>>; 2]> {
+        if let Some(lines) = self.epipolar_lines_of_poses()? {
+            return Ok(lines);
+        }
+        let sizes = [self.resolution(), self.projector_resolution()];
+        match self.homes()? {
+            Some(homes) => epipolar_lines_of_map(&homes, sizes),
+            None => Err(Error::option(
+                "--mask",
                 format!(
-                    "epipolar lines need the poses of camera and projector, which {} does not state",
+                    "epipolar lines need the poses of camera and projector, or a map between their pictures, which {} does not have",
                     self.name()
                 ),
-                "give the scene, or a mask's weights in a file",
-            );
-        };
+            )
+            .help("give the scene, or a mask's weights in a file")),
+        }
+    }
+
+    /// The epipolar lines, if the poses of the devices are known. Fails as [`Self::epipolar_lines`] for a coaxial rig.
+    pub(crate) fn epipolar_lines_of_poses(&self) -> Result<Option<[Vec<Option<u32>>; 2]>> {
+        let Ok(source) = self.scene_source() else { return Ok(None) };
         let (camera, projector) = (&source.scene.camera, source.scene.projector.as_ref());
         let sizes = [self.resolution(), self.projector_resolution()];
         let lines = projector.and_then(|projector| epipolar_lines(camera, projector, sizes));
         match (lines, &self.source) {
-            (None, _) => refused(
-                "a coaxial rig has no epipolar lines: the line of every projector pixel is a point".into(),
-                "give a scene whose projector stands apart, or another mask",
-            ),
-            (Some([_, lit]), Source::Rig(rig)) if rig.is_calibrated => Ok([lit.clone(), lit]),
-            (Some(lines), _) => Ok(lines),
+            (None, _) => Err(Error::option(
+                "--mask",
+                "a coaxial rig has no epipolar lines: the line of every projector pixel is a point",
+            )
+            .help("give a scene whose projector stands apart, or another mask")),
+            (Some([_, lit]), Source::Rig(rig)) if rig.is_calibrated => Ok(Some([lit.clone(), lit])),
+            (Some(lines), _) => Ok(Some(lines)),
         }
     }
 }

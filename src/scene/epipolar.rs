@@ -44,28 +44,52 @@ pub fn epipolar_lines(
         let [over, down] = [step(0.5, 0.0), step(0.0, 0.5)].map(|step| step - TAU * (step / TAU).round());
         over.hypot(down)
     };
-    let mut corners: Vec<_> = sides.iter().flatten().map(|&[u, v]| (at(u, v), width(u, v))).collect();
-    corners.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut edges: Vec<f64> = Vec::new();
-    for (angle, width) in &corners {
-        if edges.last().is_none_or(|last| angle - last >= LEAST_WIDTH * width) {
-            edges.push(*angle);
-        }
-    }
-    if let (Some(last), Some(end)) = (edges.last_mut(), corners.last()) {
-        *last = end.0;
-    }
-    let is_around = sides.iter().all(|side| !side.is_empty());
-    let line = |angle: f64| match edges.partition_point(|&edge| edge <= angle) {
-        after if is_around => Some((after % edges.len()) as u32),
-        after if after == 0 || after == edges.len() => None,
-        after => Some(after as u32 - 1),
-    };
+    let corners = sides.iter().flatten().map(|&[u, v]| (at(u, v), width(u, v))).collect();
+    let numbers = LineNumbers::new(corners, sides.iter().all(|side| !side.is_empty()));
     let of = |view: &Camera, size: Resolution| {
         let centres = (0..size.pixels()).map(|pixel| [pixel % size.width, pixel / size.width]);
-        centres.map(|[x, y]| line(angle(view, size, x as f32 + 0.5, y as f32 + 0.5))).collect()
+        centres.map(|[x, y]| numbers.of(angle(view, size, x as f32 + 0.5, y as f32 + 0.5))).collect()
     };
     Some([of(camera, sizes[0]), of(projector, sizes[1])])
+}
+
+/// Lines through one point, numbered by their angles.
+pub struct LineNumbers {
+    edges: Vec<f64>,
+    is_around: bool,
+}
+
+impl LineNumbers {
+    /// Makes lines of about the width of a pixel. `corners` are points at the border of the picture: the angle of the line through each,
+    /// and the angle that a pixel fills there. `is_around` tells whether the lines go all around.
+    pub fn new(mut corners: Vec<(f64, f64)>, is_around: bool) -> Self {
+        corners.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut edges: Vec<f64> = Vec::new();
+        for (angle, width) in &corners {
+            if edges.last().is_none_or(|last| angle - last >= LEAST_WIDTH * width) {
+                edges.push(*angle);
+            }
+        }
+        if let (Some(last), Some(end)) = (edges.last_mut(), corners.last()) {
+            *last = end.0;
+        }
+        Self { edges, is_around }
+    }
+
+    /// The number of the line of this angle; `None` if it misses the picture.
+    pub fn of(&self, angle: f64) -> Option<u32> {
+        match self.edges.partition_point(|&edge| edge <= angle) {
+            after if self.is_around => Some((after % self.edges.len()) as u32),
+            after if after == 0 || after == self.edges.len() => None,
+            after => Some(after as u32 - 1),
+        }
+    }
+
+    /// Whether two lines are the same or neighbours.
+    pub fn are_near(&self, a: u32, b: u32) -> bool {
+        let apart = a.abs_diff(b) as usize;
+        apart <= 1 || self.is_around && apart + 1 >= self.edges.len()
+    }
 }
 
 /// The corners of pixels on those sides of the picture at which lines from the epipole leave the picture. The other sides are empty.

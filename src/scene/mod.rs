@@ -26,7 +26,7 @@ use crate::image::Resolution;
 pub use bvh::{SurfacePoint, first_hits};
 pub use camera::{Camera, Lens};
 pub use editable::{EditableScene, Mesh, Value};
-pub use epipolar::epipolar_lines;
+pub use epipolar::{LineNumbers, epipolar_lines};
 pub use material::{AlphaMode, Material, Texture, TextureRef, Volume, Wrap};
 pub use triangle::Triangle;
 pub use view::predicted_direct;

@@ -86,6 +86,9 @@ const OF_MEAN: f64 = 0.7;
 /// Stated errors count as right if the errors of the photos that were left out are within these multiples of them.
 const STATED: [f64; 2] = [0.6, 1.6];
 
+/// Stated errors fail if the errors are above this multiple of them.
+const FALSE: f64 = 3.0;
+
 impl Imported {
     /// The number of photos.
     fn count(&self) -> usize {
@@ -219,7 +222,11 @@ impl Answer for Imported {
             _ => Finding::unmeasured("left-out photos", "they are dark"),
         }];
         let z = self.z();
-        let grade = if (STATED[0]..=STATED[1]).contains(&z) { Grade::Ok } else { Grade::Warning };
+        let grade = match z {
+            z if (STATED[0]..=STATED[1]).contains(&z) => Grade::Ok,
+            z if z <= FALSE => Grade::Warning,
+            _ => Grade::Fails,
+        };
         found.push(Finding::graded(
             "stated errors",
             grade,

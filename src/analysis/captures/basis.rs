@@ -1,6 +1,5 @@
 //! The basis in which the covariance of captured photos is diagonal, and the solution for one camera pixel in it.
 
-use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 use rayon::prelude::*;
 
@@ -62,7 +61,8 @@ pub(super) struct Covariance {
     /// The columns of `B`: of direct light, and of samples that are missing.
     pub columns: Vec<Vec<f64>>,
     scaled: Vec<Vec<f64>>,
-    inner: Mat<f64>,
+    /// The rows of the Cholesky factor of `I + Bᵀ diag(inverse) B`. Its inverse would lose all digits where columns are strong and alike.
+    factor: Vec<Vec<f64>>,
 }
 
 impl Covariance {
@@ -76,22 +76,34 @@ impl Covariance {
             let one = if a == b { 1.0 } else { 0.0 };
             one + dot(&columns[a.min(b)], &scaled[a.max(b)])
         });
-        let inner = match size {
-            0 => products,
-            _ => products
-                .llt(Side::Lower)
-                .map_err(|_| Error::Numerical("the light of a pixel is not finite".into()))?
-                .inverse(),
-        };
-        Ok(Self { inverse, columns, scaled, inner })
+        let llt = products
+            .llt(Side::Lower)
+            .map_err(|_| Error::Numerical("the light of a pixel is not finite".into()))?;
+        let lower = llt.L();
+        let factor = (0..size).map(|a| (0..=a).map(|b| lower[(a, b)]).collect()).collect();
+        Ok(Self { inverse, columns, scaled, factor })
+    }
+
+    /// The shares of the columns in `y`, divided by the factor.
+    fn shares(&self, y: &[f64]) -> Vec<f64> {
+        let mut shares: Vec<f64> = Vec::with_capacity(self.factor.len());
+        for (row, column) in self.factor.iter().zip(&self.scaled) {
+            let rest = dot(column, y) - dot(&row[..shares.len()], &shares);
+            shares.push(rest / row[shares.len()]);
+        }
+        shares
     }
 
     /// `S⁻¹ y`, in the basis.
     pub(super) fn solve(&self, y: &[f64]) -> Vec<f64> {
-        let shares: Vec<f64> = self.scaled.iter().map(|column| dot(column, y)).collect();
+        let mut shares = self.shares(y);
+        for a in (0..shares.len()).rev() {
+            shares[a] /= self.factor[a][a];
+            let (rest, solved) = shares.split_at_mut(a);
+            rest.iter_mut().zip(&self.factor[a]).for_each(|(share, value)| *share -= value * solved[0]);
+        }
         let mut found: Vec<f64> = y.iter().zip(&self.inverse).map(|(y, e)| y * e).collect();
-        for (a, column) in self.scaled.iter().enumerate() {
-            let share: f64 = shares.iter().enumerate().map(|(b, share)| self.inner[(a, b)] * share).sum();
+        for (share, column) in shares.iter().zip(&self.scaled) {
             found.iter_mut().zip(column).for_each(|(found, value)| *found -= share * value);
         }
         found
@@ -99,11 +111,46 @@ impl Covariance {
 
     /// `uᵀ S⁻¹ u` for a row `u` of the basis, which is the entry of `S⁻¹` for a photo.
     pub(super) fn quadratic(&self, u: &[f64]) -> f64 {
-        let shares: Vec<f64> = self.scaled.iter().map(|column| dot(column, u)).collect();
         let whole: f64 = u.iter().zip(&self.inverse).map(|(u, e)| u * u * e).sum();
-        let rows = shares.iter().enumerate().map(|(a, share)| {
-            share * shares.iter().enumerate().map(|(b, other)| self.inner[(a, b)] * other).sum::<f64>()
-        });
-        whole - rows.sum::<f64>()
+        let shares = self.shares(u);
+        whole - dot(&shares, &shares)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::krylov::Start;
+
+    /// The direct light of a window of one pixel is in two columns, which are then multiples of each other.
+    #[test]
+    fn strong_columns_that_are_alike_lose_no_digits() -> Result<()> {
+        for seed in 0..20 {
+            let vector = |at: u64| Start::Gaussian { seed: 10 * seed + at }.vector(40);
+            let variances: Vec<f64> = vector(0).iter().map(|v| 1e-5 * (1.0 + v * v)).collect();
+            let strength = 10_f64.powf(0.15 * seed as f64);
+            let strong: Vec<f64> = vector(1).iter().map(|v| strength * v).collect();
+            let columns = vec![strong.clone(), strong.iter().map(|v| 2.0 * v).collect(), vector(2)];
+            let covariance = Covariance::new(variances.iter().copied(), columns.clone())?;
+            // A photo of light from these columns, with noise.
+            let noise: Vec<f64> = vector(3).iter().zip(&variances).map(|(v, e)| v * e.sqrt()).collect();
+            let y: Vec<f64> = (0..40).map(|k| 0.1 * strong[k] + columns[2][k] + noise[k]).collect();
+            let solved = covariance.solve(&y);
+            let shares: Vec<f64> = columns.iter().map(|column| dot(column, &solved)).collect();
+            let back: Vec<f64> = (0..40)
+                .map(|k| {
+                    let light: f64 =
+                        columns.iter().zip(&shares).map(|(column, share)| column[k] * share).sum();
+                    variances[k] * solved[k] + light
+                })
+                .collect();
+            let off = back.iter().zip(&y).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+            let noise = dot(&noise, &noise).sqrt();
+            assert!(off < 1e-3 * noise, "{strength:.1}: {off:e} of {noise:e}");
+            // `yᵀ S⁻¹ y` by both ways.
+            let [whole, again] = [dot(&y, &solved), covariance.quadratic(&y)];
+            assert!((whole - again).abs() < 1e-3 * whole, "{strength:.1}: {whole} {again}");
+        }
+        Ok(())
     }
 }

@@ -7,6 +7,7 @@
 //!
 //! O'Toole, Raskar and Kutulakos, *Primal-dual coding to probe light transport* (2012), doi:10.1145/2185520.2185535.
 
+mod epipolar;
 mod mask;
 mod masked;
 #[cfg(test)]
@@ -15,6 +16,7 @@ mod tests_of_masks;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+pub use epipolar::epipolar_lines_of_map;
 pub use mask::Mask;
 pub use masked::probe_masked;
 

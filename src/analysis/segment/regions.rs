@@ -175,8 +175,9 @@ impl Regions {
             text += "; the gap is not clear, so this is a guess";
         }
         match self.unseen.completeness {
-            Completeness::Confirmed(claim) => {
-                let kept = 100.0 * claim.limits[1].unwrap_or(1.0).min(1.0);
+            // Without a limit below one, nothing is claimed.
+            Completeness::Confirmed(claim) if claim.limits[1].is_some_and(|limit| limit < 0.995) => {
+                let kept = 100.0 * claim.limits[1].unwrap_or(1.0);
                 text += &format!("; no other eigenvector keeps more than {kept:.0} % of its light");
                 if claim.chance > 0.0 {
                     text += &format!(", except with a chance of {:.1e}", claim.chance);

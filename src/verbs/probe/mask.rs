@@ -93,7 +93,7 @@ impl MaskChoice {
     /// Checks the mask before anything is traced. Fails as [`Self::mask`].
     pub(super) fn check_on(&self, lab: &Lab) -> Result<()> {
         match self {
-            Self::Epipolar => lab.epipolar_lines().map(drop),
+            Self::Epipolar => lab.epipolar_lines_of_poses().map(drop),
             _ => self.given(lab).map(drop),
         }
     }
