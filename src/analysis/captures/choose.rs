@@ -51,18 +51,10 @@ pub fn choose(pairs: &Pairs) -> Result<(Prior, LeftOut)> {
     let (kept, photos): (Vec<usize>, Vec<usize>) = (0..count).partition(|k| k % step != step / 2);
     let known = pairs.only(&kept);
     let pixels = some_pixels(&known);
-    // The likelihood has several maxima: a coarse search from each start, and a fine one from the best of them.
-    let mut found: Option<(Posterior, f64)> = None;
-    for start in Prior::starts(pairs.projector, pairs.noise.is_some(), !pairs.homes.is_empty()) {
-        let mut posterior = Posterior::new(&known, start)?;
-        let mut least = doubt(&posterior, &known, &pixels)?;
-        search(&known, &pixels, &mut posterior, &mut least, 4.0)?;
-        if found.as_ref().is_none_or(|(_, before)| least < *before) {
-            found = Some((posterior, least));
-        }
-    }
-    let Some((mut posterior, mut best)) = found else { unreachable!("there is a start") };
-    for factor in [2.0, 1.4, 1.2] {
+    let start = Prior::start(pairs.projector, pairs.noise.is_some());
+    let mut posterior = Posterior::new(&known, start)?;
+    let mut best = doubt(&posterior, &known, &pixels)?;
+    for factor in [4.0, 2.0, 1.4, 1.2] {
         search(&known, &pixels, &mut posterior, &mut best, factor)?;
     }
     let scale = calibration(&posterior, &known, &pixels)?.max(1.0);

@@ -41,25 +41,20 @@ const BUMPS: i32 = 2;
 const OVERLAP: f64 = 0.6;
 
 impl Prior {
-    /// The starts of the search: global light of a short and of a long reach, and without homes one of pixels alone. `noise_is_known` tells
-    /// whether repeated photos told the noise.
-    pub(super) fn starts(projector: Resolution, noise_is_known: bool, has_homes: bool) -> Vec<Self> {
+    /// The start of the search. `noise_is_known` tells whether repeated photos told the noise.
+    pub(super) fn start(projector: Resolution, noise_is_known: bool) -> Self {
         let noise = if noise_is_known { 1.0 } else { 0.02 };
-        let length = projector.width.max(projector.height) as f64;
-        let start = |reach: f64, near: f64| Self {
-            reach: reach * length,
+        let reach = 0.15 * projector.width.max(projector.height) as f64;
+        Self {
+            reach,
             global: 0.5,
             direct: 0.3,
             spread: 0.3,
             width: 0.6,
-            near,
+            near: 0.02,
             spacing: 2.0,
             noise,
             scale: 1.0,
-        };
-        match has_homes {
-            true => vec![start(0.15, 0.02), start(0.6, 0.02), start(0.3, 0.2)],
-            false => vec![start(0.15, 0.0), start(0.6, 0.0), start(0.03, 0.0)],
         }
     }
 

@@ -69,7 +69,7 @@ impl Bench {
 }
 
 fn prior(pairs: &Pairs) -> Prior {
-    Prior { width: 0.5, ..Prior::starts(pairs.projector, true, true)[0] }
+    Prior { width: 0.5, ..Prior::start(pairs.projector, true) }
 }
 
 #[test]
@@ -169,7 +169,7 @@ fn a_saved_fit_answers_as_before_it_was_written() -> Result<()> {
             ambient: Image::filled(camera, 1, 0.0),
             resolution: camera,
             projector: bench.projector,
-            unit: "full scale".into(),
+            unit: "of the range".into(),
             source: "test".into(),
         };
         let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
