@@ -268,8 +268,7 @@ pub(crate) fn facts(
     seconds: f64,
 ) -> Vec<(String, String)> {
     let mut facts = vec![("Photos", photos.to_string())];
-    let source = if manifest.samples_per_pixel.is_some() { "Scene" } else { "Source" };
-    facts.extend(manifest.scene.as_ref().map(|file| (source, file.path.to_string())));
+    facts.extend(manifest.scene.as_ref().map(|file| ("Source", file.path.to_string())));
     facts.extend(manifest.resolution.map(|resolution| ("Pixels", resolution.to_string())));
     facts.extend(manifest.samples_per_pixel.map(|samples| ("Samples per pixel", samples.to_string())));
     facts.extend(manifest.max_bounces.map(|bounces| ("Bounces at most", bounces.to_string())));

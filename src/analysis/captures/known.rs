@@ -49,8 +49,9 @@ mod tests {
             let ramp: Vec<f64> = (0..size.pixels()).map(|pixel| pixel as f64).collect();
             patterns.extend([ramp, vec![1.0; size.pixels()]]);
             assert_eq!(captured_checkerboards(&patterns, size), Some([square, shifts]), "{size} {square}");
-            // Two places in each direction are a set of their own for these squares.
-            patterns.remove(1);
+            // Two places may show the same pattern.
+            let gone = patterns[1].clone();
+            patterns.retain(|pattern| *pattern != gone);
             assert_ne!(captured_checkerboards(&patterns, size), Some([square, shifts]));
         }
         assert_eq!(captured_checkerboards(&[vec![1.0; 6], vec![0.0; 6]], Resolution::new(3, 2)), None);

@@ -17,7 +17,7 @@ use crate::krylov::{
     Which, eigs, singular,
 };
 use crate::lab::{Answer, Lab, LabOperator, Verb, Verified};
-use crate::operator::Operator;
+use crate::operator::{Operator, Symmetry};
 use crate::report::content::Content;
 use crate::report::run::AnswerPage;
 use crate::transport::Part;
@@ -183,6 +183,12 @@ impl Eigs {
         options.noise = self.noise(lab)?;
         lab.allow_photos(options.products);
         let mut operator = lab.operator(self.part.into())?;
+        let is_lanczos = matches!(self.method, Method::Lanczos | Method::BlockLanczos);
+        if is_lanczos && operator.symmetry() != Symmetry::Symmetric {
+            let fault = format!("Lanczos needs a symmetric matrix, and that of {} need not be", lab.name());
+            return Err(Error::option("--method", fault)
+                .help("give --method arnoldi, or --singular for singular values"));
+        }
         let (confirm, photos) = confirm_within(options.confirm, &operator);
         lab.expect(options.products + photos);
         let options = &EigsOptions { confirm, ..options };
