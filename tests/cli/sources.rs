@@ -23,7 +23,7 @@ const SOURCES: [&str; 8] = [
 ];
 
 /// Rows of the table: the verb, and its options. `TARGET` and `RHS` stand for files of the source's size.
-const VERBS: [(&str, &[&str]); 14] = [
+const VERBS: [(&str, &[&str]); 15] = [
     ("photo", &["photo", "SOURCE"]),
     ("segment", &["segment", "SOURCE", "--groups", "2", "--photos", "8", "--eigenvectors", "3"]),
     ("compensate", &["compensate", "SOURCE", "--target", "TARGET", "--photos", "6"]),
@@ -32,10 +32,14 @@ const VERBS: [(&str, &[&str]); 14] = [
         &["compensate", "SOURCE", "--target", "TARGET", "--method", "krylov-box", "--photos", "6"],
     ),
     ("separate", &["separate", "SOURCE", "--probes", "4"]),
-    ("relight", &["relight", "SOURCE", "--photos", "6"]),
-    ("relight --dual", &["relight", "SOURCE", "--photos", "6", "--dual"]),
+    ("relight", &["relight", "SOURCE"]),
+    ("relight --dual", &["relight", "SOURCE", "--dual"]),
     ("probe", &["probe", "SOURCE", "--photos", "4"]),
     ("eigs", &["eigs", "SOURCE", "--count", "2", "--photos", "8"]),
+    (
+        "eigs --method arnoldi",
+        &["eigs", "SOURCE", "--count", "2", "--photos", "8", "--method", "arnoldi", "--which", "lm"],
+    ),
     ("eigs --singular", &["eigs", "SOURCE", "--count", "2", "--photos", "8", "--singular"]),
     ("audit", &["audit", "SOURCE"]),
     ("solve --method lsmr", &["solve", "SOURCE", "RHS", "--method", "lsmr", "--photos", "4"]),
