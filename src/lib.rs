@@ -101,7 +101,7 @@
 //! lab       → report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, gpu, team, krylov, io, sparse, operator, journal, observer, finding, image, file, machine, error
 //! report    → analysis, measure, krylov, io, finding, image, file, error
 //! bench     → analysis, calibrate, measure, rig, io, operator, finding, image, error
-//! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, finding, image, error
+//! analysis  → measure, rig, transport, scene, krylov, io, sparse, operator, observer, finding, image, error
 //! calibrate → measure, rig, transport, finding, image, error
 //! cache     → transport, render, scene, gpu, io, image, file, error
 //! measure   → rig, transport, render, io, sparse, operator, journal, finding, image, file, error
