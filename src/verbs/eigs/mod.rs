@@ -185,7 +185,10 @@ impl Eigs {
         let mut operator = lab.operator(self.part.into())?;
         let is_lanczos = matches!(self.method, Method::Lanczos | Method::BlockLanczos);
         if is_lanczos && operator.symmetry() != Symmetry::Symmetric {
-            let fault = format!("Lanczos needs a symmetric matrix, and that of {} need not be", lab.name());
+            let fault = format!(
+                "Lanczos needs a symmetric matrix (a coaxial rig's), and that of {} need not be",
+                lab.name()
+            );
             return Err(Error::option("--method", fault)
                 .help("give --method arnoldi, or --singular for singular values"));
         }
