@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::layout::journal_folder;
 use super::source::{RunPhotos, RunSource, Source};
 use super::{Lab, Log, SharedObserver};
-use crate::analysis::captures::{CapturedLight, captured_checkerboards};
+use crate::analysis::captures::CapturedLight;
 use crate::analysis::low_rank::{SavedModel, estimated_direct, from_products};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -63,12 +63,12 @@ impl Lab {
         }
     }
 
-    /// The side of the squares and the places in each direction of shifted checkerboards that are among the captures, if the source is made
-    /// from captures.
+    /// The checkerboards that were captured, as [`SavedModel::captured_checkerboards`].
     pub fn captured_checkerboards(&self) -> Option<[usize; 2]> {
-        let Source::Model(source) = &self.source else { return None };
-        let state = source.model.channels.first()?.posterior()?.state();
-        captured_checkerboards(&state.patterns, state.projector)
+        match &self.source {
+            Source::Model(source) => source.model.captured_checkerboards(),
+            _ => None,
+        }
     }
 
     /// Whether the run that is the source saved a model.

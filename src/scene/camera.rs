@@ -103,6 +103,16 @@ impl Posed {
 }
 
 impl Camera {
+    /// A pinhole for tests, with its horizontal axis level.
+    #[cfg(test)]
+    pub(crate) fn looking(position: Vec3, forward: Vec3) -> Self {
+        let forward = forward.normalize();
+        let right = forward.cross(Vec3::Y).normalize();
+        let up = right.cross(forward);
+        let (name, lens) = ("test".into(), Lens::PINHOLE);
+        Self { name, position, right, up, forward, tan_half_fov: 0.4, aspect: None, lens }
+    }
+
     /// The name of a camera that krylux placed because the scene has none.
     pub const PLACED: &str = "auto";
 

@@ -117,19 +117,10 @@ mod tests {
     use glam::{Vec3, vec3};
 
     use super::*;
-    use crate::scene::Lens;
-
-    fn looking(position: Vec3, forward: Vec3) -> Camera {
-        let forward = forward.normalize();
-        let right = forward.cross(Vec3::Y).normalize();
-        let (name, lens) = ("test".into(), Lens::PINHOLE);
-        let up = right.cross(forward);
-        Camera { name, position, right, up, forward, tan_half_fov: 0.4, aspect: None, lens }
-    }
 
     #[test]
     fn the_lines_of_a_rectified_pair_are_rows() {
-        let camera = looking(vec3(0.3, -0.2, 1.0), Vec3::NEG_Z);
+        let camera = Camera::looking(vec3(0.3, -0.2, 1.0), Vec3::NEG_Z);
         let size = Resolution::new(13, 9);
         for shift in [0.2, -0.2] {
             let projector = Camera { position: camera.position + shift * camera.right, ..camera.clone() };
@@ -148,14 +139,14 @@ mod tests {
     /// be one line off in each picture.
     #[test]
     fn both_pictures_of_a_point_are_on_one_line() {
-        let camera = looking(vec3(0.0, 0.0, 2.0), Vec3::NEG_Z);
+        let camera = Camera::looking(vec3(0.0, 0.0, 2.0), Vec3::NEG_Z);
         let sizes = [Resolution::new(40, 30), Resolution::new(32, 32)];
         for (what, position, forward) in [
             ("beside", vec3(0.6, 0.0, 2.0), vec3(-0.3, 0.0, -1.0)),
             ("above", vec3(-0.1, 0.5, 1.8), vec3(0.0, -0.2, -1.0)),
             ("in front, with the epipole in the picture", vec3(0.05, 0.02, 1.4), Vec3::NEG_Z),
         ] {
-            let projector = looking(position, forward);
+            let projector = Camera::looking(position, forward);
             let lines = epipolar_lines(&camera, &projector, sizes).expect("they stand apart");
             let count = lines[1].iter().flatten().max().map_or(0, |last| i64::from(*last) + 1);
             let (mut seen, mut close, mut wrong) = (0, 0, 0);

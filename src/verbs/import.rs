@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::options::defaults;
 use crate::analysis::LowRank;
-use crate::analysis::captures::{CapturedLight, LeftOut, Prior, captured_checkerboards};
+use crate::analysis::captures::{CapturedLight, LeftOut, Prior};
 use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade, Ratio};
 use crate::image::Image;
@@ -122,12 +122,6 @@ impl Imported {
         self.root(|left| left.z)
     }
 
-    /// The side of squares and the places in each direction of checkerboards that were captured.
-    fn checkerboards(&self) -> Option<[usize; 2]> {
-        let state = self.light.model.channels.first()?.posterior()?.state();
-        captured_checkerboards(&state.patterns, state.projector)
-    }
-
     fn noise_is_known(&self) -> bool {
         self.light.captures.noise.is_some()
     }
@@ -182,8 +176,9 @@ impl Answer for Imported {
         let posteriors = light.model.channels.iter().filter_map(LowRank::posterior);
         let priors: Vec<Prior> = posteriors.map(|posterior| posterior.state().prior).collect();
         content.fact("prior", priors);
-        content.fact("checkerboards", self.checkerboards());
-        if let Some([square, shifts]) = self.checkerboards() {
+        let checkerboards = light.model.captured_checkerboards();
+        content.fact("checkerboards", checkerboards);
+        if let Some([square, shifts]) = checkerboards {
             content.line(format_args!(
                 "boards    checkerboards of {square} px at {shifts}×{shifts} places, for `separate`"
             ));

@@ -67,7 +67,7 @@ fn sources(folder: &TempDir) -> Vec<Vec<String>> {
     let bare: Vec<f64> = (0..64 * 64).map(|at| f64::from(at % 65 == 0) + f64::from(at % 7)).collect();
     npy::write_npy(&folder.path().join("N.npy"), &[64, 64], &bare).expect("the folder can be written");
     std::fs::create_dir(at("captures")).expect("the folder can be written");
-    // A scene of direct light and even global light, under patterns that no number divides.
+    // A scene of direct light and even global light, under patterns that do not repeat along the rows.
     let patterns: Vec<f64> = (0..12 * 64).map(|at| f64::from(at * at % 97 % 5) / 4.0).collect();
     let photo = |x: &[f64]| x.iter().map(|v| 0.5 * v + 0.002 * x.iter().sum::<f64>()).collect::<Vec<_>>();
     let photos: Vec<f64> = patterns.chunks(64).flat_map(photo).collect();

@@ -84,7 +84,7 @@ impl Covariance {
         Ok(Self { inverse, columns, scaled, factor })
     }
 
-    /// The shares of the columns in `y`, divided by the factor.
+    /// `L⁻¹ Bᵀ diag(inverse) y` for the Cholesky factor `L`, by forward substitution.
     fn shares(&self, y: &[f64]) -> Vec<f64> {
         let mut shares: Vec<f64> = Vec::with_capacity(self.factor.len());
         for (row, column) in self.factor.iter().zip(&self.scaled) {
@@ -97,6 +97,7 @@ impl Covariance {
     /// `S⁻¹ y`, in the basis.
     pub(super) fn solve(&self, y: &[f64]) -> Vec<f64> {
         let mut shares = self.shares(y);
+        // Back substitution with `Lᵀ`.
         for a in (0..shares.len()).rev() {
             shares[a] /= self.factor[a][a];
             let (rest, solved) = shares.split_at_mut(a);

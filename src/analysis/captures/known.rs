@@ -5,11 +5,11 @@ use std::collections::{BTreeSet, HashSet};
 use crate::image::Resolution;
 use crate::measure::shifted_checkerboards;
 
-/// The side of the squares in pixels, and the places in each direction, of shifted checkerboards that are all among `patterns`. Of several
-/// such sets it is the one with the most places.
+/// The side of the squares in pixels, and the places in each direction, of shifted checkerboards that are all among `patterns`. If several
+/// such sets are, it returns the one with the most places.
 pub fn captured_checkerboards(patterns: &[Vec<f64>], size: Resolution) -> Option<[usize; 2]> {
     let captured: HashSet<Vec<bool>> = patterns.iter().filter_map(|pattern| two_levels(pattern)).collect();
-    // A row of a checkerboard has a whole square in it.
+    // The longest run of equal pixels in a row is as long as the side of a square.
     let longest = |lit: &Vec<bool>| lit[..size.width].chunk_by(|a, b| a == b).map(<[bool]>::len).max();
     let squares: BTreeSet<usize> = captured.iter().filter_map(longest).collect();
     let all = |square: usize, shifts: usize| {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{LowRank, cancel_interreflections};
-use crate::analysis::captures::{Posterior, PosteriorState};
+use crate::analysis::captures::{Posterior, PosteriorState, captured_checkerboards};
 use crate::analysis::planes::{Planes, norm, relative_error};
 use crate::error::{Error, Result};
 use crate::finding::Ratio;
@@ -204,6 +204,13 @@ impl SavedModel {
     /// The number of photos of the capture, which is the largest rank of the channels. A colour photo counts once.
     pub fn rank(&self) -> usize {
         self.channels.iter().map(LowRank::rank).max().unwrap_or(0)
+    }
+
+    /// The side of the squares and the places in each direction of shifted checkerboards that are among the captured patterns, if the model
+    /// is made from captures.
+    pub fn captured_checkerboards(&self) -> Option<[usize; 2]> {
+        let state = self.channels.first()?.posterior()?.state();
+        captured_checkerboards(&state.patterns, state.projector)
     }
 
     /// Writes the model to the run's folder ([`ModelArrays::write`]), and returns the names of the files, relative to the folder. Fails

@@ -125,7 +125,7 @@ fn fundamental(pairs: impl Iterator<Item = [DVec3; 2]>, pixel: DMat3) -> Result<
     let column = |of: faer::MatRef<'_, f64>| DVec3::new(of[(0, 2)], of[(1, 2)], of[(2, 2)]);
     let (epipole, origin) = (column(svd.U()), column(svd.V()));
     let matrix = DMat3::from_cols_array(&std::array::from_fn(|k| entry(k % 3, k / 3)));
-    // Of rank two, so that all lines meet in the epipole.
+    // The matrix gets rank two, so that all lines meet in the epipole.
     let outer = DMat3::from_cols(origin * origin.x, origin * origin.y, origin * origin.z);
     Ok(Some((matrix * (DMat3::IDENTITY - outer), epipole)))
 }
@@ -135,15 +135,7 @@ mod tests {
     use glam::{Vec3, vec3};
 
     use super::*;
-    use crate::scene::{Camera, Lens};
-
-    fn looking(position: Vec3, forward: Vec3) -> Camera {
-        let forward = forward.normalize();
-        let right = forward.cross(Vec3::Y).normalize();
-        let (name, lens) = ("test".into(), Lens::PINHOLE);
-        let up = right.cross(forward);
-        Camera { name, position, right, up, forward, tan_half_fov: 0.4, aspect: None, lens }
-    }
+    use crate::scene::Camera;
 
     const SIZES: [Resolution; 2] =
         [Resolution { width: 40, height: 30 }, Resolution { width: 32, height: 32 }];
@@ -164,13 +156,13 @@ mod tests {
 
     #[test]
     fn the_lines_of_a_map_are_those_of_the_poses() -> Result<()> {
-        let camera = looking(vec3(0.0, 0.0, 2.0), Vec3::NEG_Z);
+        let camera = Camera::looking(vec3(0.0, 0.0, 2.0), Vec3::NEG_Z);
         for (what, position, forward) in [
             ("beside", vec3(0.6, 0.0, 2.0), vec3(-0.3, 0.0, -1.0)),
             ("above", vec3(-0.1, 0.5, 1.8), vec3(0.0, -0.2, -1.0)),
             ("in front", vec3(0.4, 0.3, 1.6), vec3(-0.2, -0.15, -1.0)),
         ] {
-            let projector = looking(position, forward);
+            let projector = Camera::looking(position, forward);
             let found = epipolar_lines_of_map(&homes(&camera, &projector, 0.5), SIZES)?;
             // Points of a surface that the fit has not seen.
             let other = homes(&camera, &projector, -0.4);
@@ -190,8 +182,8 @@ mod tests {
 
     #[test]
     fn a_map_that_tells_no_lines_is_refused() {
-        let camera = looking(vec3(0.0, 0.0, 2.0), Vec3::NEG_Z);
-        let projector = looking(vec3(0.6, 0.0, 2.0), vec3(-0.3, 0.0, -1.0));
+        let camera = Camera::looking(vec3(0.0, 0.0, 2.0), Vec3::NEG_Z);
+        let projector = Camera::looking(vec3(0.6, 0.0, 2.0), vec3(-0.3, 0.0, -1.0));
         let said = |homes: &Homes| match epipolar_lines_of_map(homes, SIZES) {
             Ok(_) => "lines".to_owned(),
             Err(error) => error.to_string(),
