@@ -2,9 +2,9 @@
 //!
 //! | method | photos | accuracy |
 //! |---|---|---|
-//! | [`checkerboards`] | `shifts²` | exact if global light is smooth on the scale of the squares |
-//! | [`sinusoids`] | 3 or more per direction | exact if global light is smooth on the scale of the waves |
-//! | [`codes`] | 4, 8, 16, … | light of near pixels cancels; other global light is in the standard errors |
+//! | [`SeparateBy::Checkerboards`] | `shifts²` | exact if global light is smooth on the scale of the squares |
+//! | [`SeparateBy::Sinusoids`] | 3 or more per direction | exact if global light is smooth on the scale of the waves |
+//! | [`SeparateBy::Codes`] | 4, 8, 16, … | light of near pixels cancels; other global light is in the standard errors |
 //! | [`random_patterns`] | any number | unbiased; the noise falls as `1/√photos` |
 //! | [`from_capture`] | the white photo | approximate, from the photos of a Krylov capture |
 //!
@@ -14,7 +14,6 @@
 //! and needs no separation: [`crate::transport::Part`], [`crate::transport::Layer`].
 
 pub use comparison::{ComparisonRow, NearFar, NearFarOptions, compare_separations, near_far};
-pub use high_frequency::{checkerboards, codes, sinusoids};
 mod comparison;
 mod high_frequency;
 
@@ -28,7 +27,7 @@ use crate::krylov::{Start, diagonal};
 use crate::measure::{code_patterns, shifted_checkerboards};
 use crate::operator::{Operator, Symmetry, product};
 use crate::transport::{Bounces, TransportMatrix};
-use high_frequency::{check_checkerboards, check_codes, check_sinusoids, lines, waves};
+use high_frequency::{check_checkerboards, check_codes, check_sinusoids, errors_of_lines, lines, waves};
 
 /// Direct and global light under white, which is a pattern of ones.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,24 +44,52 @@ pub struct Separation {
     pub photos: usize,
 }
 
+impl Separation {
+    /// Adds the errors of photos that a model predicted. The residuals of the lines do not show them. `errors` gives the standard errors of
+    /// the photo of a pattern; those of different photos add up as if they were fully correlated, so the true errors may be smaller. Methods
+    /// that fit no lines have no standard errors then.
+    #[must_use]
+    pub fn of_model(
+        self,
+        by: SeparateBy,
+        (resolution, homes): (Resolution, Option<&Homes>),
+        errors: impl Fn(&[f64]) -> Vec<f64>,
+    ) -> Self {
+        let mut patterns = by.patterns(resolution).peekable();
+        if patterns.peek().is_none() {
+            return Self { standard_error: None, global_error: None, ..self };
+        }
+        let shared = errors_of_lines(homes, patterns.collect(), errors);
+        let [standard_error, global_error] =
+            [self.standard_error, self.global_error].map(|of| of.unwrap_or_default());
+        let both = |of: Vec<f64>, shared: &[f64]| of.iter().zip(shared).map(|(a, b)| a.hypot(*b)).collect();
+        Self {
+            standard_error: Some(both(standard_error, &shared[0])),
+            global_error: Some(both(global_error, &shared[1])),
+            ..self
+        }
+    }
+}
+
 /// A method that separates direct from global light, with its number of photos.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SeparateBy {
-    /// [`checkerboards`] with squares of `square` pixels at `shifts²` positions.
+    /// Checkerboards with squares of `square` pixels at `shifts²` positions, in steps of `2·square/shifts` pixels in both directions. Nayar et
+    /// al. take 5² photos with squares of 3 or more pixels.
     Checkerboards {
         /// Side of a square in pixels.
         square: usize,
         /// Number of positions in each direction.
         shifts: usize,
     },
-    /// [`sinusoids`] along rows and along columns.
+    /// Sinusoids along rows and along columns, of evenly spaced phases.
     Sinusoids {
         /// Period in pixels.
         period: f64,
         /// Photos in each direction.
         phases: usize,
     },
-    /// [`codes`].
+    /// Codes: each pixel is lit in half of the photos, and near pixels have different codes.
     Codes {
         /// Number of photos, a power of two.
         photos: usize,
@@ -126,15 +153,15 @@ impl SeparateBy {
         }
     }
 
-    /// The patterns of a method that fits lines to the photos.
-    fn patterns(self, resolution: Resolution) -> Option<Box<dyn Iterator<Item = Vec<f64>>>> {
+    /// The patterns of a method that fits lines to the photos; none for the other methods.
+    fn patterns(self, resolution: Resolution) -> Box<dyn Iterator<Item = Vec<f64>>> {
         match self {
             Self::Checkerboards { square, shifts } => {
-                Some(Box::new(shifted_checkerboards(resolution, square, shifts)))
+                Box::new(shifted_checkerboards(resolution, square, shifts))
             }
-            Self::Sinusoids { period, phases } => Some(Box::new(waves(resolution, period, phases))),
-            Self::Codes { photos } => Some(Box::new(code_patterns(resolution, photos))),
-            Self::Random { .. } | Self::Capture { .. } => None,
+            Self::Sinusoids { period, phases } => Box::new(waves(resolution, period, phases)),
+            Self::Codes { photos } => Box::new(code_patterns(resolution, photos)),
+            Self::Random { .. } | Self::Capture { .. } => Box::new(std::iter::empty()),
         }
     }
 
@@ -146,10 +173,21 @@ impl SeparateBy {
         resolution: Resolution,
         seed: u64,
     ) -> Result<Separation> {
+        self.measure_by_map(operator, (resolution, None), seed)
+    }
+
+    /// As [`Self::measure`]. With homes, the operator is `m × n`, and the method must fit lines, as the first three do.
+    fn measure_by_map(
+        self,
+        operator: &mut dyn Operator,
+        (resolution, homes): (Resolution, Option<&Homes>),
+        seed: u64,
+    ) -> Result<Separation> {
+        self.check()?;
         match self {
-            Self::Checkerboards { square, shifts } => checkerboards(operator, resolution, square, shifts),
-            Self::Sinusoids { period, phases } => sinusoids(operator, resolution, period, phases),
-            Self::Codes { photos } => codes(operator, resolution, photos),
+            Self::Checkerboards { .. } | Self::Sinusoids { .. } | Self::Codes { .. } => {
+                lines(operator, homes, self.patterns(resolution))
+            }
             Self::Random { photos } => random_patterns(operator, photos, seed),
             Self::Capture { photos } => {
                 let options = LowRankCapture {
@@ -180,16 +218,16 @@ pub fn separate(
     if operator.symmetry() == Symmetry::Symmetric {
         return by.measure(operator, resolution, seed);
     }
-    by.check()?;
-    match (by.patterns(resolution), homes) {
-        (Some(patterns), Some(homes)) => lines(operator, Some(homes), patterns),
-        (None, Some(_)) => Err(Error::option("--by", format!(
+    let follows_map = !matches!(by, SeparateBy::Random { .. } | SeparateBy::Capture { .. });
+    match homes {
+        Some(_) if follows_map => by.measure_by_map(operator, (resolution, homes), seed),
+        Some(_) => Err(Error::option("--by", format!(
             "{} needs a coaxial rig, where the light that a pixel sees directly comes from that very pixel of the projector",
             by.name()
         ))
         .help("use --by checkerboards, sinusoids or codes, which follow the map from camera to projector")),
-        (_, None) => Err(Error::option("--by", format!(
-            "{} needs to know which pixel of the projector lights a camera pixel directly, and this light does not tell",
+        None => Err(Error::option("--by", format!(
+            "{} needs to know which pixel of the projector lights a camera pixel directly, and the source does not state it",
             by.name()
         ))
         .help("use --by exact on a scene, put the projector where the camera is, or give the direct light or the map")),

@@ -4,7 +4,7 @@ use crate::common::{csr, rms, settings, traced};
 use krylux::analysis::Probing;
 use krylux::analysis::low_rank::{LowRankCapture, capture, error_curve, optimal_errors};
 use krylux::analysis::probe::probe;
-use krylux::analysis::separate::{checkerboards, from_capture, random_patterns, sinusoids};
+use krylux::analysis::separate::{SeparateBy, from_capture, random_patterns};
 use krylux::image::Resolution;
 use krylux::krylov::Start;
 use krylux::operator::Operator;
@@ -104,8 +104,12 @@ fn each_separation_is_as_near_the_first_bounce_as_its_page_says() {
             capture(&mut operator, &[], &LowRankCapture { photos: 40, start, ..LowRankCapture::default() })
                 .expect("photos");
         let found = [
-            checkerboards(&mut operator, resolution, 2, 4).expect("photos"),
-            sinusoids(&mut operator, resolution, 4.0, 3).expect("photos"),
+            SeparateBy::Checkerboards { square: 2, shifts: 4 }
+                .measure(&mut operator, resolution, 0)
+                .expect("photos"),
+            SeparateBy::Sinusoids { period: 4.0, phases: 3 }
+                .measure(&mut operator, resolution, 0)
+                .expect("photos"),
             random_patterns(&mut operator, 40, 0).expect("photos"),
             from_capture(&model, &white).expect("white"),
         ];

@@ -13,40 +13,9 @@ use crate::analysis::probe::Homes;
 use crate::analysis::separate::Separation;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::measure::{code_patterns, shifted_checkerboards};
 use crate::operator::{Operator, check_square, each_product};
 
-/// Separates with `shifts²` photos of checkerboards by `operator` (`n × n`, all light). The squares have a side of `square` pixels. They
-/// are shifted in steps of `2·square/shifts` pixels in both directions. Nayar et al. take 5² photos with squares of 3 or more pixels.
-///
-/// # Errors
-/// [`Error::Option`] for an invalid `square` or `shifts`; [`Error::Dimension`] if sizes differ; any error of the operator.
-pub fn checkerboards(
-    operator: &mut dyn Operator,
-    resolution: Resolution,
-    square: usize,
-    shifts: usize,
-) -> Result<Separation> {
-    check_checkerboards(square, shifts)?;
-    lines(operator, None, shifted_checkerboards(resolution, square, shifts))
-}
-
-/// Separates with `2·phases` photos of sinusoids by `operator` (`n × n`, all light). The sinusoids have a period of `period` pixels and
-/// `phases` evenly spaced phases, along rows and along columns.
-///
-/// # Errors
-/// [`Error::Option`] for a period below 2 pixels or fewer than 3 phases; [`Error::Dimension`] if sizes differ; any error of the operator.
-pub fn sinusoids(
-    operator: &mut dyn Operator,
-    resolution: Resolution,
-    period: f64,
-    phases: usize,
-) -> Result<Separation> {
-    check_sinusoids(period, phases)?;
-    lines(operator, None, waves(resolution, period, phases))
-}
-
-/// The patterns of [`sinusoids`].
+/// Sinusoids with a period of `period` pixels and `phases` evenly spaced phases, along rows and along columns.
 pub(super) fn waves(resolution: Resolution, period: f64, phases: usize) -> impl Iterator<Item = Vec<f64>> {
     (0..2 * phases).map(move |photo| {
         let (along_rows, shift) = (photo < phases, (photo % phases) as f64 / phases as f64);
@@ -162,20 +131,35 @@ pub(super) fn lines(
     })
 }
 
-// Separation by codes ([`crate::measure::code_patterns`]): each pixel is lit in half of the photos, and near pixels have different codes.
+/// The largest standard errors of `D` and `G` that photos with these errors leave in [`lines`]: each photo's error times its share in the
+/// result, added up.
+pub(super) fn errors_of_lines(
+    homes: Option<&Homes>,
+    patterns: Vec<Vec<f64>>,
+    errors: impl Fn(&[f64]) -> Vec<f64>,
+) -> [Vec<f64>; 2] {
+    let count = patterns.len() as f64;
+    let photos: Vec<Vec<f64>> = patterns.iter().map(|pattern| errors(pattern)).collect();
+    let of = |pixel: usize| -> [f64; 2] {
+        let home = homes.map_or(Some(pixel), |homes| homes[pixel]);
+        let seen = || patterns.iter().map(|pattern| home.map_or(0.0, |home| pattern[home]));
+        let mean = seen().sum::<f64>() / count;
+        let spread = seen().map(|p| (p - mean).powi(2)).sum::<f64>();
+        seen().zip(&photos).fold([0.0; 2], |[direct, global], (p, errors)| {
+            let share = if spread > 1e-9 * count { (p - mean) / spread } else { 0.0 };
+            let error = errors[pixel];
+            [direct + share.abs() * error, global + (2.0 / count - 2.0 * mean * share).abs() * error]
+        })
+    };
+    let found: Vec<[f64; 2]> = (0..photos.first().map_or(0, Vec::len)).map(of).collect();
+    [0, 1].map(|which| found.iter().map(|pair| pair[which]).collect())
+}
+
+// Separation by codes (`crate::measure::code_patterns`): each pixel is lit in half of the photos, and near pixels have different codes.
 //
 // Light from a pixel with another code cancels. Light from pixels with the same code does not cancel and is an error of the direct light.
 // Pixels with other codes send light of the same size, which appears in the residuals, so the standard errors include it. The patterns
 // change from pixel to pixel, so projector and camera must be in focus.
-
-/// Separates with `photos` photos of codes by `operator` (`n × n`, all light). `photos` is a power of two and at least 4.
-///
-/// # Errors
-/// [`Error::Option`] for another number of photos; [`Error::Dimension`] if sizes differ; any error of the operator.
-pub fn codes(operator: &mut dyn Operator, resolution: Resolution, photos: usize) -> Result<Separation> {
-    check_codes(photos)?;
-    lines(operator, None, code_patterns(resolution, photos))
-}
 
 /// Refuses a number of photos that does not make a complete set of codes.
 pub(super) fn check_codes(photos: usize) -> Result<()> {
@@ -225,10 +209,10 @@ mod tests {
     fn under_even_global_light_both_are_exact() -> Result<()> {
         let resolution = Resolution::new(12, 8);
         let found = [
-            checkerboards(&mut Even, resolution, 1, 2)?,
-            checkerboards(&mut Even, resolution, 2, 4)?,
+            SeparateBy::Checkerboards { square: 1, shifts: 2 }.measure(&mut Even, resolution, 0)?,
+            SeparateBy::Checkerboards { square: 2, shifts: 4 }.measure(&mut Even, resolution, 0)?,
             // The periods divide the raster, so each wave lights half of the pixels on average.
-            sinusoids(&mut Even, resolution, 4.0, 3)?,
+            SeparateBy::Sinusoids { period: 4.0, phases: 3 }.measure(&mut Even, resolution, 0)?,
         ];
         for (separation, photos) in found.iter().zip([4, 16, 6]) {
             assert_eq!(separation.photos, photos);
@@ -241,9 +225,13 @@ mod tests {
             }
         }
         assert!(
-            checkerboards(&mut Even, resolution, 2, 5).is_err()
-                && sinusoids(&mut Even, resolution, 1.0, 3).is_err()
-                && sinusoids(&mut Even, resolution, 4.0, 2).is_err()
+            SeparateBy::Checkerboards { square: 2, shifts: 5 }.measure(&mut Even, resolution, 0).is_err()
+                && SeparateBy::Sinusoids { period: 1.0, phases: 3 }
+                    .measure(&mut Even, resolution, 0)
+                    .is_err()
+                && SeparateBy::Sinusoids { period: 4.0, phases: 2 }
+                    .measure(&mut Even, resolution, 0)
+                    .is_err()
         );
         Ok(())
     }
@@ -283,6 +271,45 @@ mod tests {
         Ok(())
     }
 
+    /// Errors with the signs of a photo's share in the result reach the stated error.
+    #[test]
+    fn the_errors_of_predicted_photos_bound_what_they_change() -> Result<()> {
+        let resolution = Resolution::new(12, 8);
+        let by = SeparateBy::Checkerboards { square: 2, shifts: 4 };
+        let exact = by.measure(&mut Even, resolution, 0)?;
+        let stated = exact.clone().of_model(by, (resolution, None), |x| vec![0.1; x.len()]);
+        let errors = [stated.standard_error.unwrap_or_default(), stated.global_error.unwrap_or_default()];
+        let mut largest = [0.0_f64; 2];
+        for sign in [1.0, -1.0] {
+            for which in [0.0, 1.0] {
+                // Errors that follow the pattern change the direct light most, and errors where it is dark the global light.
+                let n = resolution.pixels();
+                let mut wrong = Closure::new(n, n, Symmetry::Symmetric, |x: &[f64], y: &mut [f64]| {
+                    Even.apply(x, y)?;
+                    let error = |x: f64| if which == 0.0 { 0.1 * (2.0 * x - 1.0) } else { 0.1 };
+                    y.iter_mut().zip(x).for_each(|(y, x)| *y += sign * error(*x));
+                    Ok(())
+                });
+                let found = by.measure(&mut wrong, resolution, 0)?;
+                for (at, (a, b)) in
+                    [(&found.direct, &exact.direct), (&found.global, &exact.global)].into_iter().enumerate()
+                {
+                    for (pixel, (a, b)) in a.iter().zip(b).enumerate() {
+                        assert!((a - b).abs() <= errors[at][pixel] * (1.0 + 1e-6), "{at} at {pixel}");
+                        largest[at] = largest[at].max((a - b).abs() / errors[at][pixel]);
+                    }
+                }
+            }
+        }
+        assert!(largest.iter().all(|largest| *largest > 0.99), "{largest:?}");
+        let random = SeparateBy::Random { photos: 4 };
+        let found = random
+            .measure(&mut Even, resolution, 0)?
+            .of_model(random, (resolution, None), |x| vec![0.1; x.len()]);
+        assert!(found.standard_error.is_none() && found.global_error.is_none());
+        Ok(())
+    }
+
     /// The light of `Even`, with noise of a standard deviation of 0.5 in each pixel of each photo.
     struct Noisy(u64);
 
@@ -315,7 +342,8 @@ mod tests {
         let mut squares = [0.0; 2];
         let runs = 50;
         for _ in 0..runs {
-            let found = checkerboards(&mut noisy, resolution, 2, 4)?;
+            let found =
+                SeparateBy::Checkerboards { square: 2, shifts: 4 }.measure(&mut noisy, resolution, 0)?;
             let errors = [found.standard_error.unwrap_or_default(), found.global_error.unwrap_or_default()];
             let direct = found.direct.iter().enumerate().map(|(pixel, value)| value - 1.0 - pixel as f64);
             let global = found.global.iter().map(|value| value - 1.0);
@@ -358,7 +386,7 @@ mod tests {
             seen(x, y);
             Ok(())
         });
-        codes(&mut operator, SIZE, photos)
+        SeparateBy::Codes { photos }.measure(&mut operator, SIZE, 0)
     }
 
     /// The largest error of the direct light, and the largest stated error.

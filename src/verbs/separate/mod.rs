@@ -192,7 +192,12 @@ impl Separate {
         lab.expect(by.photos());
         let pixels = (patterns, homes.as_deref());
         let one = |operator: &mut LabOperator| separate(operator, pixels, by, seed);
-        let found = lab.photos(|_| operators.iter_mut().map(one).collect::<Result<Vec<_>>>())?;
+        let mut found = lab.photos(|_| operators.iter_mut().map(one).collect::<Result<Vec<_>>>())?;
+        if lab.is_model()? {
+            let model = lab.model()?;
+            let channels = found.into_iter().zip(&model.channels);
+            found = channels.map(|(found, model)| found.of_model(by, pixels, |x| model.errors(x))).collect();
+        }
         let of = |part: fn(&Separation) -> &Vec<f64>| found.iter().map(|f| part(f).clone()).collect();
         let light = [of(|found| &found.direct), of(|found| &found.global)];
         Ok(Separated {
