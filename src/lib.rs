@@ -2,9 +2,9 @@
 //!
 //! A projector lights a scene, a camera takes a photo, the projector shows this photo as the next pattern, and so on. These photos span the
 //! Krylov subspace of the scene's light transport matrix `A` (photo = `A` · pattern). A few dozen photos therefore yield the eigenvectors
-//! of `A`, and the results that follow from them, without a measurement of `A` itself. The method is O'Toole and Kutulakos, *Light
-//! Transport Analysis by Krylov Subspace Illumination*, the precursor of *Optical computing for fast light transport analysis*, 2010,
-//! doi:10.1145/1882261.1866165. The guide in `guide/` has concepts, tutorials and the reference of the program.
+//! of `A`, and the results that follow from them, without a measurement of `A` itself. The method is in section 4 of O'Toole and Kutulakos,
+//! *Light Transport Analysis by Krylov Subspace Illumination*, which comments call the paper. See also *Optical computing for fast light
+//! transport analysis*, 2010, doi:10.1145/1882261.1866165. The guide in `guide/` has concepts, tutorials and the reference of the program.
 //!
 //! # Five lines
 //!
@@ -73,18 +73,20 @@
 //!
 //! # The map
 //!
-//! | in the paper | here |
+//! | in the paper, or beyond it | here |
 //! |---|---|
-//! | photo = `A` · pattern, coaxial rig (section 2) | [`render`] traces it once, [`transport`] replays it |
-//! | Krylov subspace illumination (sections 3 and 4) | [`krylov`]: eigenpairs, linear systems, boxes, estimators |
+//! | photo = `A` · pattern, coaxial rig (section 3) | [`render`] traces it once, [`transport`] replays it |
+//! | Krylov subspaces, eigenpairs (section 4), linear systems (section 6.2) | [`krylov`] |
 //! | light transport segmentation (section 5) | [`analysis::segment`] |
 //! | photos with real devices (sections 7 and 8) | [`measure`] makes them an operator, [`rig`] drives the devices, [`journal`] keeps every photo |
-//! | light transport compensation | [`analysis::compensate`](mod@analysis::compensate) |
-//! | *Optical computing* (2010): low-rank relighting | [`analysis::low_rank`](mod@analysis::low_rank) |
-//! | direct and global light, probing | [`analysis::separate`](mod@analysis::separate), [`analysis::probe`](mod@analysis::probe) |
-//! | patterns painted by hand, their photo seen at once | [`paint`] |
-//! | matrices that are too large for one machine | [`team`]: each process traces and keeps a part |
-//! | the figures | [`paper`] makes them again, and holds them to bounds |
+//! | light transport compensation (section 6) | [`analysis::compensate`](mod@analysis::compensate) |
+//! | direct and global light (section 5.3) | [`analysis::separate`](mod@analysis::separate) |
+//! | figures 2, 4 to 6 and 8 to 13 | [`paper`] makes them again, and holds them to bounds of its own |
+//! | beyond: bounds on the solution, singular values, estimators | [`krylov`] |
+//! | beyond: low-rank relighting (*Optical computing*, 2010) | [`analysis::low_rank`](mod@analysis::low_rank) |
+//! | beyond: probing | [`analysis::probe`](mod@analysis::probe) |
+//! | beyond: patterns painted by hand, their photo seen at once | [`paint`] |
+//! | beyond: matrices that are too large for one machine | [`team`]: each process traces and keeps a part |
 //!
 //! Units, conventions and the symmetric estimator are described in [`render`] and [`transport`].
 //!

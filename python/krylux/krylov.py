@@ -141,7 +141,7 @@ def eigs(
         symmetric: As in :func:`solve`.
         progress: As in :func:`krylux.open`; silent by default.
 
-    References: O'Toole and Kutulakos, section 3.
+    References: O'Toole and Kutulakos, section 4.
     """
     described = _described(A, symmetric, progress)
     m, n = described["shape"]

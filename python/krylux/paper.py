@@ -1,7 +1,8 @@
 """The figures of the paper, made again: what ``krylux reproduce`` does.
 
-O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, at the paper's pixels and numbers of
-photos, on scenes that are made in memory.
+The paper is O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*. Pixels and numbers of
+photos are the paper's where it states them (sections 8.2 and 8.3), and ours elsewhere. The scenes, which are made in
+memory, and all bounds are ours.
 """
 
 from __future__ import annotations

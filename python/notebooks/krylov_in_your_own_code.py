@@ -1,8 +1,10 @@
 # %% [markdown]
 # # Fifty photos: Krylov in your own code
 #
-# The paper's Lanczos process, written by hand on the operator: show a pattern, take the photo, make it orthogonal to
-# the patterns before, show it again (O'Toole and Kutulakos, section 3).
+# A Lanczos process, written by hand on the operator: show a pattern, take its photo, make the photo orthogonal to all
+# earlier patterns, and show it next. The recursion is in section 4 of O'Toole and Kutulakos, *Light Transport Analysis
+# by Krylov Subspace Illumination*, and the orthogonalization in section 7.1. For the process itself they call MATLAB's
+# `eigs` (section 8.1).
 
 # %%
 import matplotlib.pyplot as plt

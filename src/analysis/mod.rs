@@ -37,8 +37,8 @@ pub use direct::{Blurred, WithoutDirect};
 pub use low_rank::LowRank;
 pub use probe::{Probed, Probing};
 pub use segment::{
-    Capture, Cut, CutMatrix, Evidence, FeatureView, Graph, MASKED, Regions, SegmentOptions, Segmentation,
-    adjusted_rand_index,
+    Capture, Coordinates, Cut, CutMatrix, Evidence, FeatureView, Graph, MASKED, Regions, SegmentOptions,
+    Segmentation, adjusted_rand_index,
 };
 pub use separate::Separation;
 pub use similarity::Similarity;

@@ -1,4 +1,7 @@
-//! The calibration of a rig from captures alone (O'Toole and Kutulakos, section 8.1): `krylux rig calibrate`.
+//! The calibration of a rig from captures alone: `krylux rig calibrate`.
+//!
+//! O'Toole and Kutulakos, section 8.1, need linear devices and a map from camera to projector pixels. The measurements in the table below
+//! go beyond their text.
 //!
 //! | measured | from | file |
 //! |---|---|---|

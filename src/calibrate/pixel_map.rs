@@ -1,5 +1,5 @@
-//! The measurement of the pixel map. Gray codes or a checkerboard give the lens map, which gives the footprints of camera pixels (O'Toole
-//! and Kutulakos, section 8.1).
+//! The measurement of the pixel map. Gray codes or a checkerboard (O'Toole and Kutulakos, section 8.1) give the lens map, and the lens map
+//! gives the footprints of camera pixels. The lens map is ours.
 
 use super::least_squares::Normal;
 use super::map_fit;
@@ -140,9 +140,10 @@ fn masked(registration: &Registration) -> f64 {
     empty as f64 / registration.projector.pixels() as f64
 }
 
-// The corners of a checkerboard serve cameras that do not resolve single projector pixels (O'Toole and Kutulakos, section 8.1). The
-// contrast `(p − q)/(p + q)` of the photos `p` of a checkerboard and `q` of its inverse does not depend on the scene's albedo. Each inner
-// corner is a saddle point of the contrast. It is found as the saddle point of a fitted quadratic polynomial (Lucchese and Mitra 2002).
+// The corners of a checkerboard serve cameras that do not resolve single projector pixels. (In section 8.1 and figure 16 of O'Toole and
+// Kutulakos, each projector pixel has a square of its own, and is paired with the camera pixel at the square's centre.) The contrast
+// `(p − q)/(p + q)` of the photos `p` of a checkerboard and `q` of its inverse does not depend on the scene's albedo. Each inner corner
+// is a saddle point of the contrast. It is found as the saddle point of a fitted quadratic polynomial (Lucchese and Mitra 2002).
 
 /// The side of a square of the checkerboard, in camera pixels.
 const SQUARE: f64 = 6.0;

@@ -1,4 +1,5 @@
-//! The projector's response: the light of each level, from photos of uniform frames (O'Toole and Kutulakos, section 8.1).
+//! The projector's response: the light of each level, from photos of uniform frames. O'Toole and Kutulakos, section 8.1, calibrate
+//! their projector to be linear, and do not say how.
 //!
 //! A uniform frame scales all light of the scene, global light included. The light of a level relative to the brightest level is therefore
 //! the same number for all pixels: `r(l) = Σ (rate_l − rate_0) / Σ (rate_top − rate_0)`. Here `rate_l` is the light of a pixel per second

@@ -1,4 +1,4 @@
-//! The camera's response, from counts of constant light at several exposures (O'Toole and Kutulakos, section 8.1).
+//! The camera's response, from counts of constant light at several exposures.
 //!
 //! Light `L` at exposure `e` gives the signal `L e`, and the exposures are known. The inverse response `g` makes the counts of each pixel
 //! proportional to the exposure: `g(count) = L e`. This is the method of Debevec and Malik (1997), but with `g` instead of its logarithm,

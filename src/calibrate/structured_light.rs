@@ -115,7 +115,8 @@ impl<'a> StructuredLight<'a> {
     }
 }
 
-// Gray codes show which projector pixel each camera pixel sees (O'Toole and Kutulakos, section 8.1).
+// Gray codes show which projector pixel each camera pixel sees. O'Toole and Kutulakos, section 8.1, call Gray patterns useful for finding
+// the camera pixels in the footprint of a projector pixel, as an alternative to a checkerboard. The decoding is not in their text.
 //
 // The indices of columns and rows are projected bit by bit in Gray code, each bit together with its inverse. A camera pixel decodes a bit
 // by comparing the two photos. Global light is nearly the same in both photos, because it does not resolve fine stripes. A bit is decided

@@ -21,8 +21,10 @@
 //! Results are bitwise equal from run to run and for any number of threads. All sums are taken over fixed blocks of rows, which are added
 //! in the order of the rows.
 //!
-//! The observer of the operator ([`Operator::observer`](crate::operator::Operator::observer)) sees each step, and may stop the method. The
-//! methods follow O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, sections 3 and 4.
+//! The observer of the operator ([`Operator::observer`](crate::operator::Operator::observer)) sees each step, and may stop the method.
+//!
+//! Power iteration and the use of a Krylov subspace of photos follow O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace
+//! Illumination*, section 4. MINRES and GMRES on photos follow section 6.2. The other methods have their own references.
 
 mod basis;
 mod boxed;

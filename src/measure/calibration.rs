@@ -1,4 +1,5 @@
-//! The calibration of a rig: responses, camera noise, pixel map, uneven brightness and stability (O'Toole and Kutulakos, section 8.1).
+//! The calibration of a rig: responses, camera noise, pixel map, uneven brightness and stability. O'Toole and Kutulakos, section 8.1, have
+//! linear responses and a pixel map; the rest is ours.
 
 use super::footprint::by_overlap;
 use super::lens_map::LensMap;

@@ -1,5 +1,5 @@
-//! Combines repeated frames at several exposures into one photo: averaging, ambient light, and merging (O'Toole and Kutulakos, sections 7.2
-//! and 8.2).
+//! Combines repeated frames at several exposures into one photo: averaging, ambient light (O'Toole and Kutulakos, section 8.2), and merging
+//! (section 7.2).
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -98,7 +98,7 @@ pub(crate) struct BlackPhotos {
     pub(crate) variance: Vec<Vec<f64>>,
 }
 
-// The HDR stage: bracketed exposures are merged into one photo, weighted by inverse variance (O'Toole and Kutulakos, section 7.2).
+// The HDR stage: photos at several exposures are merged into one (O'Toole and Kutulakos, section 7.2), here weighted by inverse variance.
 //
 // Exposure `e` of `t_e` seconds gives the rate `R_e = (L_e − B_e) / t_e`, with the light `L_e` of the photo and `B_e` of the black photo.
 // The merged rate is

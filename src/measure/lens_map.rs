@@ -1,4 +1,4 @@
-//! The map from camera to projector coordinates: radial distortion followed by a homography (O'Toole and Kutulakos, section 8.1).
+//! The map from camera to projector coordinates: radial distortion followed by a homography.
 //!
 //! The devices of a coaxial rig have the same centre of projection, so a homography relates their images without distortion. Lenses add a
 //! distortion that is mostly radial: `(x, y) → (x, y)(1 + k₁ r² + k₂ r⁴)` about the centre of the camera's raster, with `r = 1` at its

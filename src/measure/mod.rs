@@ -11,15 +11,15 @@
 //! | file | stage | section |
 //! |---|---|---|
 //! | `live` | waits until the light has settled, and distinguishes new frames from old frames | |
-//! | `response` | converts counts to light with its noise, and light to levels | 8.1 |
-//! | `exposure`, `hdr` | choose exposures, average repeated frames, subtract the black photo, merge by inverse variance | 7.2, 8.2 |
+//! | `response` | converts counts to light with its noise, and light to levels | 8.1 (linear devices) |
+//! | `exposure`, `hdr` | choose exposures, average frames, subtract the black photo, merge by inverse variance | 8.2 (black photo), 7.2 |
 //! | `photo_pipeline` | divides photos by the lamp's brightness, which repeated photos of white measure | |
 //! | `sight` | tells whether the camera sees the projector's white, and whether this white is steady | |
-//! | `registration`, `footprint`, `spread` | resample photos to projector pixels, and compute the noise of any sum of photos | 8.1 |
+//! | `registration`, `footprint`, `spread` | resample photos to projector pixels, and give the noise of sums of photos | 8.1 (resampling) |
 //! | `display` | rounds patterns to levels, and sums frames for more levels | 7.2 |
-//! | `signed` | shows signed vectors as patterns, chosen by predicted noise | 7.1 |
-//! | `direct`, `direct_fit` | measure the direct light, and remove it for the pattern that was actually shown | |
-//! | `product` | computes products from photos, with a blur of pattern and photo | |
+//! | `signed` | shows signed vectors as patterns, chosen by predicted noise | 7.1 (affine form) |
+//! | `direct`, `direct_fit` | measure the direct light, and remove it for the pattern that was actually shown | 5.3 |
+//! | `product` | computes products from photos, with a blur of pattern and photo | 8.2 (blur) |
 //!
 //! Photos are in linear DN per second for a full-range pattern. The value 1 of a pattern is the light of the projector's brightest level
 //! minus the light of its black level. Every value of a photo has a variance, which is propagated from the variance of a sample:
@@ -54,6 +54,7 @@ pub(crate) mod spread;
 
 pub use calibration::{Calibration, CameraResponse, FlatField, Registration, Stability};
 pub use captures::{CaptureMap, Captures, is_captures};
+pub(crate) use direct::DirectPatterns;
 pub use direct::{checkerboard, code_patterns, shifted_checkerboards};
 pub use display::{bit_plane_amplification, bit_plane_weights};
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Products with signed vectors, assembled from photos of the patterns that were *actually* shown (O'Toole and Kutulakos, section 7.1).
+//! Products with signed vectors (O'Toole and Kutulakos, section 7.1), assembled from photos of the patterns that were *actually* shown.
 //!
 //! ```text
 //! full     Σ c_k photo_k + a A 1                       (+ D (x − shown), where rounding is compensated)
@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Here `c_k` is the coefficient of the photo of pattern `k`, `D` is the direct light ([`DirectMatrix`]), and `a` is the coefficient of the
-//! white photo `A 1`. The optional blur is applied to the vector first and to the finished product last.
+//! white photo `A 1`. The optional blur (section 8.2) is applied to the vector first and to the finished product last.
 
 use std::sync::Arc;
 

@@ -1,5 +1,6 @@
-//! The response stage: the camera's counts are converted to linear light with its noise, and light to the projector's levels (O'Toole and
-//! Kutulakos, section 8.1). [`noise_ratio`] compares the noise of two equal captures with the predicted noise.
+//! The response stage: the camera's counts are converted to linear light with its noise, and light to the projector's levels.
+//! [`noise_ratio`] compares the noise of two equal captures with the predicted noise. O'Toole and Kutulakos, section 8.1, have linear
+//! devices; here any measured response is inverted.
 
 use serde::Serialize;
 

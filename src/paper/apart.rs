@@ -13,8 +13,8 @@
 
 use super::bench::{APART, Bench, Set, Stage};
 use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced, Rig, counted};
-use super::groups::{asked, labels, purity};
-use super::vectors::{DenseTriplets, minus, product, singular_triplets};
+use super::groups::{asked, labels, purity, random_labels};
+use super::vectors::{minus, product, singular_triplets};
 use crate::analysis::segment::segment;
 use crate::analysis::{MASKED, Segmentation};
 use crate::error::Result;
@@ -43,13 +43,14 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         [("camera", &of_photos, &stage.truth), ("projector", &of_patterns, &exchanged.truth)]
     {
         let labels = labels(found, 2);
-        let inside = purity(labels, &without_border(truth, side));
         checks.push(
-            Check::of(format!("purity of two groups of the {whose}'s pixels, {PHOTOS} photos")).at_least(purity(labels, truth), PURE)
-            .because(format!(
-                "The {whose}'s pixels are the cause: the border of the two sheets runs through a column of them, which sees both and is in either \
-                 group by right. Without the pixels at the border the purity is {inside:.4}."
-            )),
+            Check::of(format!("purity of two groups of the {whose}'s pixels, {PHOTOS} photos"))
+                .at_least(purity(labels, truth), PURE)
+                .refutes("random labels", purity(&random_labels(truth, 2), truth))
+                .without(
+                    "Without the columns of pixels at the border of the sheets, which see both sheets,",
+                    purity(labels, &without_border(truth, side)),
+                ),
         );
         let second = found.eigenvalues.get(1).copied().unwrap_or(f64::NAN);
         checks.push(
@@ -125,19 +126,31 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
         carried += dot(&photo, &photo);
     }
     let most: f64 = dense.values[..COUNT].iter().map(|value| value * value).sum();
-    let overlap = |found: &[Vec<f64>], dense: &[Vec<f64>]| dot(&found[0], &dense[0]).abs();
-    let turned = turned(&mut *both, &dense, unit)?;
+    let overlap = |found: &[Vec<f64>], dense: &[Vec<f64>], index: usize| dot(&found[index], &dense[0]).abs();
+    // The same photos of the matrix itself, which has no devices.
+    let ideal = singular(&mut bench.truth(&stage, Part::Full)?, &options)?;
+    let devices = "Without the devices, on the matrix itself,";
+    let mut random = 0.0;
+    for pattern in Start::default().block(stage.pixels(), COUNT) {
+        let photo = product(&mut light, &super::vectors::unit(pattern))?;
+        random += dot(&photo, &photo);
+    }
+    let even = |values: &[f64]| (values[0] - values[1]).abs() / values[1];
+    let vector = |what: &str, found: [&[Vec<f64>]; 2], dense: &[Vec<f64>]| {
+        Check::of(format!("overlap of the first {what}, with the dense one"))
+            .at_least(overlap(found[0], dense, 0), 0.99)
+            .refutes("the second one", overlap(found[0], dense, 1))
+            .without(devices, overlap(found[1], dense, 0))
+    };
     let checks = vec![
         Check::of(format!("error of the {COUNT} largest singular values, the worst, %"))
-            .at_most(100.0 * worst, 5.0),
+            .at_most(100.0 * worst, 1.0)
+            .refutes("the first value in place of the second", 100.0 * even(&dense.values)),
         Check::of(format!("light of the {COUNT} patterns found, over that of the best {COUNT}"))
-            .at_least(carried / most, 0.95),
-        Check::of("overlap of the first right singular vector, a pattern, with the dense one")
-            .at_least(overlap(&found.right, &dense.right), 0.99)
-            .because(turned.clone()),
-        Check::of("overlap of the first left singular vector, its photo, with the dense one")
-            .at_least(overlap(&found.left, &dense.left), 0.99)
-            .because(turned),
+            .at_least(carried / most, 0.95)
+            .refutes("random patterns", random / most),
+        vector("right singular vector, a pattern", [&found.right, &ideal.right], &dense.right),
+        vector("left singular vector, its photo", [&found.left, &ideal.left], &dense.left),
         Check::of("second singular value over the first").stated(dense.values[1] / dense.values[0]),
         Check::of("photos with the devices exchanged off the transpose of the others, on these vectors")
             .stated(found.disagreement),
@@ -148,20 +161,6 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
         [("dense", counted(&dense.values[..2 * COUNT])), ("from photos", counted(&values))],
     );
     Ok((Compared { found, checks, plot }, stage))
-}
-
-/// The reason why the first singular vectors may be rotated: the error of the rig's photo, compared with the gap to the next singular
-/// value.
-fn turned(both: &mut dyn Adjoint, dense: &DenseTriplets, unit: f64) -> Result<String> {
-    let photo = product(both, &dense.right[0])?;
-    let off: Vec<f64> =
-        photo.iter().zip(&dense.left[0]).map(|(y, u)| y / unit - dense.values[0] * u).collect();
-    let (error, gap) = (norm(&off) / dense.values[0], 1.0 - dense.values[1] / dense.values[0]);
-    Ok(format!(
-        "The devices are the cause: their photo of the dense pattern is off by {error:.4} of it, and the gap to the next singular value, that of the \
-         other sheet, is {gap:.4} of the largest. An error of the matrix may turn the vectors by the ratio of the two (Wedin); the light that \
-         the patterns found carry is nearly that of the best all the same."
-    ))
 }
 
 /// The deviation `‖B x − Aᵀx‖ / ‖Aᵀx‖` for random signs `x`. `A` is the matrix of the scene, and `B` the matrix with the devices exchanged.

@@ -8,10 +8,9 @@ use crate::calibrate::CalibrateOptions;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::lab::{Lab, LabOperator, OperatorChoice, OperatorSettings, Settings, SharedObserver};
-use crate::measure::{Calibration, RigFile, RigKind};
+use crate::measure::{Calibration, DirectPatterns, RigFile, RigKind};
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::Operator;
-use crate::rig::VirtualRig;
 use crate::scene::{Lens, Scene, builtin};
 use crate::team::Team;
 use crate::transport::{Assembled, Backend, Part};
@@ -34,8 +33,10 @@ pub struct Bench {
     options: BenchOptions,
     observer: SharedObserver,
     scenes: Vec<OpenScene>,
-    /// The operators of rigs whose frames the next call of [`Bench::frames`] counts.
+    /// The operators of rigs whose frames the next call of [`Bench::costs`] counts.
     meters: Vec<LabOperator>,
+    /// The patterns that rigs showed to measure their direct light, since the last call of [`Bench::costs`].
+    direct: usize,
 }
 
 struct OpenScene {
@@ -48,7 +49,13 @@ struct OpenScene {
 impl Bench {
     /// Creates a bench. Nothing is traced yet. `observer` sees the steps of each trace and may stop it.
     pub fn new(options: BenchOptions, observer: Arc<dyn Observer + Send + Sync>) -> Self {
-        Self { options, observer: SharedObserver(observer), scenes: Vec::new(), meters: Vec::new() }
+        Self {
+            options,
+            observer: SharedObserver(observer),
+            scenes: Vec::new(),
+            meters: Vec::new(),
+            direct: 0,
+        }
     }
 
     /// The kind of rig.
@@ -56,7 +63,7 @@ impl Bench {
         self.options.rig
     }
 
-    /// The number of pixels per side for a figure in which the paper uses `side`.
+    /// The number of pixels per side for a figure of `side` pixels; smaller in a quick run.
     pub(super) fn side(&self, side: usize) -> usize {
         if self.options.quick { side / 3 } else { side }
     }
@@ -83,27 +90,49 @@ impl Bench {
         match self.options.rig {
             Rig::Ideal => self.truth(stage, part),
             Rig::Virtual => {
-                let mut rig = self.devices(stage)?;
-                self.meters.push(rig.reference_operators(part)?.swap_remove(0));
-                Ok(rig.reference_operators(part)?.swap_remove(0))
+                let rig = self.devices(stage)?;
+                self.metered(rig, part)
             }
         }
+    }
+
+    /// Photos by virtual devices with one exposure per frame of this many seconds, however dim the photos are.
+    pub(super) fn photos_exposed(&mut self, stage: &Stage, seconds: f64) -> Result<LabOperator> {
+        let known = calibration_of(&self.devices(stage)?);
+        let mut file = realistic(stage.resolution)?;
+        file.measurement.exposures = vec![seconds];
+        file.measurement.takes = 1;
+        let mut rig = self.lab(stage)?.through_rig(file)?;
+        rig.set_calibration(known.ok_or(Error::Interrupted)?)?;
+        // The checks of the rig would fail in dim light, because noise hides even the white pattern at most pixels.
+        rig.unexamined();
+        self.metered(rig, Part::Full)
+    }
+
+    fn metered(&mut self, mut rig: Lab, part: Part) -> Result<LabOperator> {
+        if let (Part::Global, Some(open)) = (part, rig.rig()) {
+            let registration = &open.calibration.registration;
+            let lit = vec![true; registration.projector.pixels()];
+            self.direct += DirectPatterns::of(registration).shown(registration.projector, &lit).len();
+        }
+        self.meters.push(rig.reference_operators(part)?.swap_remove(0));
+        Ok(rig.reference_operators(part)?.swap_remove(0))
     }
 
     pub(super) fn devices(&mut self, stage: &Stage) -> Result<Lab> {
         let known = match stage.set.is_coaxial() {
             true => None,
-            // The devices are the same for each scene, so one calibration suffices. It is done before the projector's lens is opened, or
-            // before the projector is moved, because stripes that are out of focus distinguish few pixels (for the corner and a lens of 70
-            // mm, Gray codes lose 63 %). The symmetry of the light transport reveals the devices' uneven brightness.
+            // The devices are the same for each scene, so one calibration suffices. It is done before the projector is moved. The symmetry
+            // of the light transport reveals the devices' uneven brightness.
             false => calibration_of(&self.open(Set::Corner, stage.resolution)?.through_devices(None)?),
         };
         self.open(stage.set, stage.resolution)?.through_devices(known)
     }
 
-    /// The number of frames that virtual cameras took since the last call. It includes black, white and exposures, but not calibrations.
-    pub(super) fn frames(&mut self) -> u64 {
-        self.meters.drain(..).filter_map(|rig| rig.frames()).sum()
+    /// What virtual devices took since the last call: the photos that measured direct light, and all frames. The frames include black, white
+    /// and exposures, but not calibrations.
+    pub(super) fn costs(&mut self) -> (usize, u64) {
+        (std::mem::take(&mut self.direct), self.meters.drain(..).filter_map(|rig| rig.frames()).sum())
     }
 
     /// Returns the scene, and traces it first if necessary.
@@ -176,13 +205,16 @@ fn calibration_of(rig: &Lab) -> Option<Calibration> {
 pub(super) enum Set {
     Zigzag,
     Corner,
-    /// The corner with a projector whose lens is wide open and focused behind the scene.
-    Defocused,
-    /// As `Defocused`, but the camera has an equal lens, which makes the matrix symmetric again.
-    BothDefocused,
+    /// The white room. Camera and projector share a lens of this radius in tenths of a millimetre, focused 1.4 m ahead, so that the back
+    /// wall at 2.3 m is out of focus.
+    Room(u32),
     TwoSheets,
-    Post,
-    FoldedSheet,
+    /// The two sheets by one lens for camera and projector, whose blur of the farthest points is that of `Room(130)`, in pixels.
+    SheetsOutOfFocus,
+    SheetBehindSheet,
+    /// The same with a front sheet whose back side is black.
+    LinedSheet,
+    GlossySheet,
     Carton,
     CartonEggs,
     /// The zigzag with the projector [`APART`] to the right of the camera.
@@ -200,25 +232,37 @@ pub(super) const APART: f32 = 0.1;
 /// The distance of the corner's edge from the camera, in metres. The projector of [`Set::Beside`] looks at this edge.
 pub(super) const EDGE: f32 = 1.2;
 
-/// A lens that blurs walls at 0.6 to 1.2 m by discs with a radius of 2.6 to 7.7 pixels, at 128 pixels per side.
-const DEFOCUSED: Lens = Lens { radius: 0.035, focus: 2.4 };
+/// The lens of [`Set::SheetsOutOfFocus`]. It blurs points at 0.97 m by discs with a radius of 0.5 pixels, at 100 pixels per side.
+const SHEETS_LENS: Lens = Lens { radius: 0.02, focus: 0.8 };
+
+/// The distances in metres at which the lens of [`Set::Room`] is focused, and of the back wall.
+const ROOM_FOCUS: f32 = 1.4;
+const BACK_WALL: f32 = 2.3;
 
 impl Set {
     pub(super) fn is_out_of_focus(self) -> bool {
-        matches!(self, Self::Defocused | Self::BothDefocused)
+        matches!(self, Self::Room(_) | Self::SheetsOutOfFocus)
+    }
+
+    /// The radius in pixels of the discs to which a lens blurs the back wall of the room, for this number of pixels per side.
+    pub(super) fn blur_of_back_wall(tenths: u32, side: usize) -> f64 {
+        let radius = 1e-4 * f64::from(tenths);
+        let seen = radius * f64::from(1.0 / ROOM_FOCUS - 1.0 / BACK_WALL);
+        let pixel = 2.0 * f64::from(builtin::room().camera.tan_half_fov) / side as f64;
+        seen / pixel
     }
 
     /// Whether projector and camera have the same pose and lens, so that the light transport is symmetric.
     fn is_coaxial(self) -> bool {
-        !matches!(self, Self::Defocused | Self::Apart | Self::Exchanged | Self::Beside(1..))
+        !matches!(self, Self::Apart | Self::Exchanged | Self::Beside(1..))
     }
 
-    /// The number of light paths per pixel. With an open lens, direct light is sampled, too. At 256 paths, the optimal pattern exploits the
-    /// noise in the fixed matrix, and gains five per cent that methods with few products cannot reach. The scene with exchanged devices is
-    /// traced separately, with other paths, and both traces must agree.
+    /// The number of light paths per pixel. With an open lens, direct light is sampled, too. The scene with exchanged devices is traced
+    /// separately, with other paths, and both traces must agree.
     fn samples(self) -> u32 {
         match self {
-            Self::Defocused | Self::BothDefocused | Self::Apart | Self::Exchanged => 1024,
+            Self::Apart | Self::Exchanged => 1024,
+            Self::Room(_) | Self::SheetsOutOfFocus => 512,
             _ => 256,
         }
     }
@@ -226,19 +270,25 @@ impl Set {
     pub(super) fn scene(self) -> Scene {
         let mut scene = match self {
             Self::Zigzag | Self::Apart | Self::Exchanged => builtin::zigzag(),
-            Self::Corner | Self::Defocused | Self::BothDefocused | Self::Beside(_) => builtin::corner(),
-            Self::TwoSheets => builtin::two_sheets(),
-            Self::Post => builtin::two_sheets_post(),
-            Self::FoldedSheet => builtin::folded_sheet(),
+            Self::Corner | Self::Beside(_) => builtin::corner(),
+            Self::Room(_) => builtin::room(),
+            Self::TwoSheets | Self::SheetsOutOfFocus => builtin::two_sheets(),
+            Self::SheetBehindSheet => builtin::sheet_behind_sheet(),
+            Self::LinedSheet => builtin::sheet_behind_lined_sheet(),
+            Self::GlossySheet => builtin::glossy_sheet(),
             Self::Carton => builtin::nine_cells(false),
             Self::CartonEggs => builtin::nine_cells(true),
         }
         .to_scene();
         let mut projector = scene.camera.clone();
         match self {
-            Self::Defocused => projector.lens = DEFOCUSED,
-            Self::BothDefocused => {
-                scene.camera.lens = DEFOCUSED;
+            // A projector that is not given has the camera's lens.
+            Self::Room(tenths) => {
+                scene.camera.lens = Lens { radius: 1e-4 * tenths as f32, focus: ROOM_FOCUS };
+                return scene;
+            }
+            Self::SheetsOutOfFocus => {
+                scene.camera.lens = SHEETS_LENS;
                 return scene;
             }
             Self::Apart | Self::Exchanged => {
@@ -299,30 +349,19 @@ impl Stage {
 }
 
 const REALISTIC: &[u8] = include_bytes!("../../assets/rigs/realistic.toml");
-const ONE_BIT: &[u8] = include_bytes!("../../assets/rigs/one-bit.toml");
-
 /// The number of captures averaged per pattern. More than one is affordable, because the virtual rig runs unattended.
 const TAKES: u32 = 2;
 
-/// A rig of a projector of this size, with 8 bits and gamma 2.2, and a 14-bit camera. Both have realistic errors.
+/// A rig of a projector of this size, with 8 bits and gamma 2.2, and a 14-bit camera with 2.5 times as many pixels per side. Both have
+/// realistic errors.
 pub(super) fn realistic(resolution: Resolution) -> Result<RigFile> {
-    let (mut file, rig) = shipped("realistic.toml", REALISTIC, resolution, 2.5)?;
-    file.measurement.takes = TAKES;
-    Ok(RigFile { kind: RigKind::Virtual(rig), ..file })
-}
-
-/// A rig of a one-bit projector and a camera of the same size: the rig file, and the devices to insert into it.
-pub(super) fn one_bit(resolution: Resolution) -> Result<(RigFile, VirtualRig)> {
-    shipped("one-bit.toml", ONE_BIT, resolution, 1.0)
-}
-
-/// A shipped rig file and its devices. Per side, the camera has `finer` times as many pixels as the projector.
-fn shipped(name: &str, bytes: &[u8], resolution: Resolution, finer: f64) -> Result<(RigFile, VirtualRig)> {
-    let file = RigFile::from_bytes(Path::new(name), bytes)?;
-    let RigKind::Virtual(mut rig) = file.kind.clone() else {
-        return Err(Error::data(name, "its devices are real").help("the figures are made by virtual devices"));
+    const NAME: &str = "realistic.toml";
+    let mut file = RigFile::from_bytes(Path::new(NAME), REALISTIC)?;
+    let RigKind::Virtual(rig) = &mut file.kind else {
+        return Err(Error::data(NAME, "its devices are real").help("the figures are made by virtual devices"));
     };
-    let side = |pixels: usize| (finer * pixels as f64).round() as usize;
+    let side = |pixels: usize| (2.5 * pixels as f64).round() as usize;
     rig.camera.size = Some([side(resolution.width), side(resolution.height)]);
-    Ok((file, rig))
+    file.measurement.takes = TAKES;
+    Ok(file)
 }

@@ -1,5 +1,6 @@
-//! Compares compensation methods after equal numbers of photos: the paper's method with clamping, box-constrained methods, and the optimum.
-//! The target and the pictures are made here, too.
+//! Compares compensation methods after equal numbers of photos: MINRES with clamping as in section 8.3 of the paper, box-constrained methods,
+//! and the optimum. The target and the pictures are made here, too. The paper sets negative values of the pattern to zero; here values above
+//! 1 are clamped as well, because no projector shows them.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -8,7 +9,9 @@ use super::bench::{Bench, Stage};
 use super::figure::{Check, Content, Panel, Plot, Points, counted};
 use super::vectors::{minus, product};
 use crate::analysis::compensate::Mixture;
+use crate::analysis::similarity::similarity;
 use crate::error::Result;
+use crate::image::Image;
 use crate::krylov::{Constraint, Diagonal, Method, SolveOptions, dot, norm, solve_adjoint};
 use crate::observer::{Estimate, OnStep, Step};
 use crate::operator::{Adjoint, Observed, Operator, Product, Recorded, Symmetry};
@@ -17,7 +20,7 @@ use crate::transport::Part;
 /// The target of a compensation on a stage, in W/(m² sr), and the photo under white that determines its scale.
 pub(super) struct TargetLight<'a> {
     stage: &'a Stage,
-    /// The picture that the target shows, in [0, 1].
+    /// The picture that the target shows, in [lift, 1].
     picture: Vec<f64>,
     pub(super) light: Vec<f64>,
     pub(super) peak: f64,
@@ -27,9 +30,11 @@ pub(super) struct TargetLight<'a> {
 }
 
 impl<'a> TargetLight<'a> {
-    /// Scales the picture by half the median of the white photo. Only its brightest parts are then infeasible.
-    pub(super) fn new(stage: &'a Stage, operator: &mut dyn Adjoint) -> Result<Self> {
-        let picture = picture(stage.resolution.width);
+    /// Maps the picture from [0, 1] to [`lift`, 1] (section 6.3 of the paper), and scales it by half the median of the white photo. Only its
+    /// brightest parts are then infeasible.
+    pub(super) fn new(stage: &'a Stage, operator: &mut dyn Adjoint, lift: f64) -> Result<Self> {
+        let lifted = |value: f64| lift + (1.0 - lift) * value;
+        let picture: Vec<f64> = picture(stage.resolution.width).into_iter().map(lifted).collect();
         let white = product(operator, &vec![1.0; picture.len()])?;
         let mut truth = stage.white();
         let unit = white.iter().sum::<f64>() / truth.iter().sum::<f64>();
@@ -42,6 +47,42 @@ impl<'a> TargetLight<'a> {
     /// The relative residual `‖b − A x‖ / ‖b‖` with the true matrix, independent of the rig.
     pub(super) fn residual(&self, pattern: &[f64]) -> f64 {
         norm(&minus(&self.light, &self.stage.photo(pattern))) / norm(&self.light)
+    }
+
+    /// The structural similarity of the true photo of a pattern and the target; NaN for pictures smaller than its window.
+    pub(super) fn ssim(&self, pattern: &[f64]) -> Result<f64> {
+        let image = |values: Vec<f64>| Image::from_planes(self.stage.resolution, &[values]);
+        let [photo, target] = [image(self.stage.photo(pattern))?, image(self.light.clone())?];
+        Ok(similarity(&photo, &target, self.peak)?.ssim.unwrap_or(f64::NAN))
+    }
+
+    /// The contrast of the picture's bars in the true photo of a pattern, relative to the target. It is 1 if their light is as wanted. An even
+    /// light that is added to the photo does not change it.
+    pub(super) fn bar_contrast(&self, pattern: &[f64]) -> f64 {
+        let width = self.stage.resolution.width;
+        let at =
+            |pixel: usize| [pixel % width, pixel / width].map(|index| (index as f64 + 0.5) / width as f64);
+        let signs = (0..self.picture.len()).map(|pixel| match bar(at(pixel)) {
+            Some(true) => 1.0,
+            Some(false) => -1.0,
+            None => 0.0,
+        });
+        let mut signs: Vec<f64> = signs.collect();
+        let pixels = signs.iter().map(|sign| sign.abs()).sum::<f64>().max(1.0);
+        let mean = signs.iter().sum::<f64>() / pixels;
+        signs.iter_mut().filter(|sign| **sign != 0.0).for_each(|sign| *sign -= mean);
+        dot(&signs, &self.stage.photo(pattern)) / dot(&signs, &self.light)
+    }
+
+    /// The share of pixels that clamping changes.
+    pub(super) fn clamped_share(pattern: &[f64]) -> f64 {
+        let is_outside = |value: &&f64| !(0.0..=1.0).contains(*value);
+        pattern.iter().filter(is_outside).count() as f64 / pattern.len() as f64
+    }
+
+    /// The target's picture as a pattern, scaled as the target is.
+    pub(super) fn plain(&self) -> Vec<f64> {
+        clamped(&self.picture.iter().map(|value| 0.5 * value).collect::<Vec<_>>())
     }
 
     /// The target in the rig's units.
@@ -93,6 +134,7 @@ impl<'a> TargetLight<'a> {
     pub(super) fn record(&self, answer: &[f64], run: &mut MethodRun) {
         run.answered.push(self.residual(answer));
         run.displayed.push(self.residual(&clamped(answer)));
+        run.answers.push(answer.to_vec());
     }
 
     /// A lower bound of the relative residual over all patterns in [0, 1], and the residual that the best pattern found attains.
@@ -115,18 +157,17 @@ impl<'a> TargetLight<'a> {
     }
 
     /// Pictures of the target, the photos with and without compensation, the pattern, and the errors. All photos share one exposure.
-    pub(super) fn panels(&self, plain: &[f64], best: &MethodRun) -> Vec<Panel> {
+    pub(super) fn panels(&self, plain: &[f64], pattern: &[f64]) -> Vec<Panel> {
         let stage = self.stage;
         let light = |values: Vec<f64>| Content::Light { values, white: Some(self.peak) };
-        let pattern = clamped(&best.pattern);
-        let [seen, before] = [stage.photo(&pattern), stage.photo(plain)];
+        let [seen, before] = [stage.photo(pattern), stage.photo(plain)];
         let error = |photo: &[f64]| Content::Signed(minus(photo, &self.light));
-        let shown = Content::Light { values: pattern.clone(), white: Some(1.0) };
+        let shown = Content::Light { values: pattern.to_vec(), white: Some(1.0) };
         let residual = |pattern: &[f64]| format!("residual {:.2} %", percent(self.residual(pattern)));
         vec![
             stage.panel("target", "The target, W/(m² sr)", light(self.light.clone())),
             stage.panel("before", format!("Projected as it is: {}", residual(plain)), light(before.clone())),
-            stage.panel("after", format!("Compensated: {}", residual(&pattern)), light(seen.clone())),
+            stage.panel("after", format!("Compensated: {}", residual(pattern)), light(seen.clone())),
             stage.panel("pattern", "What is projected, 0 to 1", shown),
             stage.panel("error-before", "Projected as it is less the target, W/(m² sr)", error(&before)),
             stage.panel("error-after", "Compensated less the target, W/(m² sr)", error(&seen)),
@@ -140,6 +181,8 @@ pub(super) struct MethodRun {
     pub(super) answered: Vec<f64>,
     /// The residual of that solution clamped to [0, 1], as a projector displays it.
     pub(super) displayed: Vec<f64>,
+    /// The solution after each photo, not clamped.
+    pub(super) answers: Vec<Vec<f64>>,
     /// The last solution, not clamped.
     pub(super) pattern: Vec<f64>,
     pub(super) shots: Vec<Product>,
@@ -158,6 +201,12 @@ impl MethodRun {
         self.answered.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
+    /// The solution after `photos` photos, clamped to [0, 1]; empty without solutions.
+    pub(super) fn shown_at(&self, photos: usize) -> Vec<f64> {
+        let answer = self.answers.get(photos - 1).or(self.answers.last());
+        clamped(answer.map_or(&[], Vec::as_slice))
+    }
+
     /// The residual as [`MethodRun::displayed_at`], but of the solution without clamping.
     pub(super) fn answered_at(&self, photos: usize) -> f64 {
         at(&self.answered, photos)
@@ -170,10 +219,8 @@ fn at(residuals: &[f64], photos: usize) -> f64 {
 
 pub(super) struct Contest<'a> {
     pub(super) target_light: TargetLight<'a>,
-    /// The paper's method: a Krylov method whose last solution is clamped.
-    pub(super) recipe: MethodRun,
-    /// The paper's method, preconditioned by the white photo.
-    pub(super) scaled: MethodRun,
+    /// MINRES as in section 8.3 of the paper.
+    pub(super) minres: MethodRun,
     pub(super) boxed: MethodRun,
     pub(super) jacobi: MethodRun,
     /// Lower bound of the residual; see [`TargetLight::optimum`].
@@ -185,24 +232,40 @@ pub(super) struct Contest<'a> {
 }
 
 impl<'a> Contest<'a> {
-    /// Runs the comparison: `photos` photos per method besides the white photo, and `products` true products for the optimum.
+    /// Runs the comparison for a target that is mapped to [`lift`, 1]: `photos` photos per method besides the white photo, and `products`
+    /// true products for the optimum.
     pub(super) fn hold(
         bench: &mut Bench,
         stage: &'a Stage,
-        recipe: Method,
+        lift: f64,
         photos: usize,
         products: usize,
     ) -> Result<Self> {
         let operator = &mut bench.photos(stage, Part::Full)?;
-        let target_light = TargetLight::new(stage, operator)?;
-        let mut run = |method| target_light.run(operator, method, photos);
-        let (recipe, scaled) = (run((recipe, false))?, run((recipe, true))?);
-        let (boxed, jacobi) = (run((Method::KrylovBox, false))?, run((Method::Jacobi, false))?);
+        let target_light = TargetLight::new(stage, operator, lift)?;
+        let mut run = |method| target_light.run(operator, (method, false), photos);
+        let [minres, boxed, jacobi] = [run(Method::Minres)?, run(Method::KrylovBox)?, run(Method::Jacobi)?];
         let (bound, optimum) = target_light.optimum(&mut bench.truth(stage, Part::Full)?, products)?;
-        let half: Vec<f64> = target_light.picture.iter().map(|value| 0.5 * value).collect();
-        let plain = clamped(&half);
+        let plain = target_light.plain();
         let uncompensated = target_light.residual(&plain);
-        Ok(Self { target_light, recipe, scaled, boxed, jacobi, bound, optimum, plain, uncompensated })
+        Ok(Self { target_light, minres, boxed, jacobi, bound, optimum, plain, uncompensated })
+    }
+
+    /// Numbers that compare the photo of MINRES' clamped pattern after `photos` photos with the uncompensated photo: the residual of the one
+    /// over that of the other, which has to be at most `share`, and what the structural similarity gains.
+    pub(super) fn against_uncompensated(&self, scene: &str, photos: usize, share: f64) -> Result<[Check; 2]> {
+        let of = &self.target_light;
+        let gained = of.ssim(&self.minres.shown_at(photos))? - of.ssim(&self.plain)?;
+        Ok([
+            Check::of(format!(
+                "{scene}: residual displayed by MINRES and clamping, {photos} photos, over that uncompensated"
+            ))
+            .at_most(self.minres.displayed_at(photos) / self.uncompensated, share)
+            .refutes("the target itself", 1.0),
+            Check::of(format!("{scene}: structural similarity to the target that the same gains"))
+                .at_least(gained, 0.02)
+                .refutes("the target itself", 0.0),
+        ])
     }
 }
 
@@ -282,18 +345,20 @@ fn value(x: f64, y: f64) -> f64 {
     if y > 0.86 {
         return 0.02 + 0.19 * (6.0 * x).floor().min(5.0);
     }
-    if (0.72..0.82).contains(&y) {
-        // Bars with widths of 1/12, 1/16 and 1/24 of the picture.
-        let bars = if x < 1.0 / 3.0 {
-            12.0
-        } else if x < 2.0 / 3.0 {
-            16.0
-        } else {
-            24.0
-        };
-        return if ((bars * x) as usize).is_multiple_of(2) { 0.9 } else { 0.1 };
+    if let Some(is_bright) = bar([x, y]) {
+        return if is_bright { 0.9 } else { 0.1 };
     }
     0.35 + 0.3 * x + 0.1 * (1.0 - y)
+}
+
+/// Whether a point is on a bright or on a dark bar; `None` off the bars. The bars have widths of 1/12, 1/16 and 1/24 of the picture.
+fn bar([x, y]: [f64; 2]) -> Option<bool> {
+    let bars = match x {
+        _ if x < 1.0 / 3.0 => 12.0,
+        _ if x < 2.0 / 3.0 => 16.0,
+        _ => 24.0,
+    };
+    (0.72..0.82).contains(&y).then(|| ((bars * x) as usize).is_multiple_of(2))
 }
 
 #[cfg(test)]

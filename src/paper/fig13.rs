@@ -1,16 +1,15 @@
-//! Figure 13: a sinusoid from a one-bit projector, as a binary threshold and as bit planes, and the noise that bit planes add.
+//! Figure 13: a sinusoid from a binary projector, as a threshold and as bit planes, and the noise of photos with small weights.
+//!
+//! Every frame is black and white. The weights of the photos are 1/2, 1/4, and so on (section 7.2 of the paper).
 
-use super::bench::{Bench, Set, Stage, one_bit};
+use super::bench::{Bench, Set, Stage};
 use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, Rig};
-use super::vectors::minus;
-use crate::error::{Error, Result};
-use crate::image::Image;
+use super::vectors::{add, minus, product};
+use crate::error::Result;
 use crate::krylov::norm;
-use crate::lab::Lab;
-use crate::measure::{
-    Calibration, MeasureOptions, RigFile, RigKind, bit_plane_amplification, bit_plane_weights,
-};
-use crate::rig::VirtualRig;
+use crate::measure::bit_plane_weights;
+use crate::operator::Operator;
+use crate::transport::Part;
 
 const SIDE: usize = 100;
 /// The number of bit planes of the displayed result.
@@ -18,89 +17,134 @@ const PLANES: u32 = 8;
 /// The largest number of bit planes in the curves. The smallest is 1.
 const MOST: u32 = 10;
 const PERIODS: f64 = 4.0;
-/// Total exposures in seconds. White fills most of the sensor's well in `BRIGHT`, and only 1 % of the well in `DIM`.
-const BRIGHT: f64 = 0.02;
-const DIM: f64 = 2e-4;
+/// The exposure of all planes together in dim light, in seconds. White then fills a thousandth of what it fills in its own exposure (0.1 s).
+const DIM: f64 = 1e-3;
 
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Corner, side)?;
-    let (file, mut noisy) = one_bit(stage.resolution)?;
-    // Any exposure time is allowed, because the figure compares photos at equal total exposure.
-    noisy.camera.exposure_step = 0.0;
-    noisy.camera.exposures = [1e-7, 10.0];
-    let mut exact = noisy.clone();
-    exact.camera.shot_noise = false;
-    exact.camera.read_noise = 0.0;
-    // Quantization is not the subject of this figure. The exact camera has no noise that would dither it, so its quantization is made fine.
-    exact.camera.bits = 16;
-    exact.projector.black_level = 0.0;
-    let rig = if bench.rig() == Rig::Ideal { &exact } else { &noisy };
-
     let pattern = sinusoid(side);
     let truth = stage.photo(&pattern);
-    let lab = &*bench.lab(&stage)?;
-    let take = |rig: &VirtualRig, planes: u32, seconds: f64| -> Result<Vec<f64>> {
-        let (counts, _) = photo(lab, &file, rig, &pattern, (planes, seconds))?;
-        // The unit is the number of counts per second for 1 W/(m² sr). The noise-free white photo determines the gain of the sensor.
-        let unit = counts_per_light(rig, &stage);
-        Ok(counts.into_iter().map(|count| count / unit).collect())
-    };
-    let off = |photo: &[f64]| error(photo, &truth) / norm(&truth);
+    let off = |photo: &[f64]| norm(&minus(photo, &truth)) / norm(&truth);
 
-    let plain = take(rig, 1, BRIGHT)?;
-    let decomposed = take(rig, PLANES, BRIGHT)?;
-    let frames = photo(lab, &file, rig, &pattern, (PLANES, BRIGHT))?.1;
-    let (mut bright, mut dim) = (Vec::new(), Vec::new());
+    let photos = &mut bench.photos(&stage, Part::Full)?;
+    let unit = unit_of(photos, &stage)?;
+    let mut take = |planes: u32| summed(photos, &planes_of(&pattern, planes), unit);
+    let (plain, decomposed) = (take(1)?, take(PLANES)?);
+    let mut bright = Points::new();
     for planes in 1..=MOST {
-        bright.push((f64::from(planes), off(&take(rig, planes, BRIGHT)?)));
-        dim.push((f64::from(planes), off(&take(&noisy, planes, DIM)?)));
+        bright.push((f64::from(planes), off(&take(planes)?)));
     }
-    // The frames with and without read noise are otherwise equal, so their difference is the noise.
-    let mut read_only = noisy.clone();
-    read_only.camera.shot_noise = false;
-    read_only.camera.bits = 16;
-    let mut silent = read_only.clone();
-    silent.camera.read_noise = 0.0;
-    let noise = |planes: u32| -> Result<f64> {
-        Ok(error(&take(&read_only, planes, DIM)?, &take(&silent, planes, DIM)?))
-    };
-    let grown = noise(PLANES)? / noise(1)?;
-    let predicted = bit_plane_amplification(&bit_plane_weights(PLANES, 1.0));
-    let least = |curve: &[(f64, f64)]| {
-        curve.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(f64::NAN, |&(planes, _)| planes)
-    };
-    let checks = vec![
+    let mut checks = vec![
         Check::of("error of the photo by 8 bit planes over that of plain one bit")
-            .at_most(off(&decomposed) / off(&plain), 0.05),
+            .at_most(off(&decomposed) / off(&plain), 0.05)
+            .refutes(
+                "the same frames with equal weights",
+                off(&equally(photos, &pattern, unit, &truth)?) / off(&plain),
+            ),
         Check::of("error of plain one bit, %").stated(100.0 * off(&plain)),
         Check::of("error by 8 bit planes, %").stated(100.0 * off(&decomposed)),
-        Check::of("best number of bit planes in dim light, at equal light in total")
-            .at_most(least(&dim), f64::from(MOST) - 1.0),
-        Check::of("read noise of 8 bit planes over that of one photo, over what is predicted")
-            .at_least(grown / predicted, 0.8),
-        Check::of("the same, from above").at_most(grown / predicted, 1.25),
-        Check::of("read noise of 8 bit planes over that of one photo, predicted").stated(predicted),
-        Check::of("frames of the photo in 8 bit planes, black and white counted").stated(frames as f64),
     ];
+    let mut lines = vec![("bright", bright)];
+    if bench.rig() == Rig::Virtual {
+        let dim = Dim::of(bench, &stage, &pattern, &off)?;
+        let rise = |curve: &Points| {
+            let least = curve.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
+            curve.last().map_or(f64::NAN, |(_, error)| error / least)
+        };
+        checks.extend([
+            Check::of("dim: light of the photo of the smallest weight over the noise of the photo of the largest weight, both weighted, 8 planes")
+                .at_most(dim.last_over_first, 1.0)
+                .refutes("equal weights", dim.unweighted),
+            Check::of(format!("dim: error by {MOST} bit planes over that of the best number of planes, at equal light in total"))
+                .at_least(rise(&dim.curve), 1.2)
+                .refutes("bright light", rise(&lines[0].1)),
+        ]);
+        lines.push(("dim", dim.curve));
+    }
     Ok(Reproduced {
-        setting: format!("corner, {}, a projector of one bit and a camera of 12", stage.resolution),
+        setting: format!("corner, {}, black and white frames, {PLANES} bit planes", stage.resolution),
         checks,
         panels: panels(&stage, &pattern, &truth, &plain, &decomposed),
-        plots: vec![curves(bright, dim)],
+        plots: vec![Plot::logarithmic(
+            "Relative error of the photo of a sinusoid. In dim light (virtual rig alone) each photo adds its noise, and more bit planes are worse \
+             than fewer.",
+            ["bit planes", "relative error"],
+            lines,
+        )],
         photos: 1 + PLANES as usize,
-        frames: if bench.rig() == Rig::Virtual { frames } else { 0 },
         ..Reproduced::of(Figure::Fig13, bench.rig())
     })
 }
 
-fn curves(bright: Points, dim: Points) -> Plot {
-    Plot::logarithmic(
-        "Relative error of the photo of a sinusoid. In dim light (1 % of the other) each photo adds its read noise: more bit planes are worse \
-         than fewer.",
-        ["bit planes", "relative error"],
-        [("bright", bright), ("dim, with noise", dim)],
-    )
+/// Photos in dim light, at equal exposure of all planes together.
+struct Dim {
+    /// The relative error for each number of planes.
+    curve: Points,
+    /// The light of the last photo over the noise of the first photo, with their weights and without.
+    last_over_first: f64,
+    unweighted: f64,
+}
+
+impl Dim {
+    fn of(bench: &mut Bench, stage: &Stage, pattern: &[f64], off: &dyn Fn(&[f64]) -> f64) -> Result<Self> {
+        let mut curve = Points::new();
+        let (mut last_over_first, mut unweighted) = (f64::NAN, f64::NAN);
+        let unit = unit_of(&mut bench.photos(stage, Part::Full)?, stage)?;
+        for planes in 1..=MOST {
+            let photos = &mut bench.photos_exposed(stage, DIM / f64::from(planes))?;
+            let frames = planes_of(pattern, planes);
+            curve.push((f64::from(planes), off(&summed(photos, &frames, unit)?)));
+            if planes == PLANES
+                && let (Some((large, first)), Some((small, last))) = (frames.first(), frames.last())
+            {
+                let seen: Vec<f64> = product(photos, first)?.into_iter().map(|value| value / unit).collect();
+                let noise = norm(&minus(&seen, &stage.photo(first)));
+                unweighted = norm(&stage.photo(last)) / noise;
+                last_over_first = unweighted * small / large;
+            }
+        }
+        Ok(Self { curve, last_over_first, unweighted })
+    }
+}
+
+/// The rig's reading for 1 W/(m² sr), from the white photo.
+fn unit_of(photos: &mut dyn Operator, stage: &Stage) -> Result<f64> {
+    let white = product(photos, &vec![1.0; stage.pixels()])?;
+    Ok(white.iter().sum::<f64>() / stage.white().iter().sum::<f64>())
+}
+
+/// The binary frames of `pattern` (values in [0, 1]) and their weights: each frame but the last has the pixels whose remainder is at least
+/// its weight, and the last one is rounded.
+fn planes_of(pattern: &[f64], count: u32) -> Vec<(f64, Vec<f64>)> {
+    let mut left = pattern.to_vec();
+    let weights = bit_plane_weights(count, 1.0);
+    let last = weights.len() - 1;
+    let frame = |(index, weight): (usize, f64)| {
+        let threshold = if index == last { 0.5 * weight } else { weight };
+        let frame: Vec<f64> = left.iter().map(|left| f64::from(u8::from(*left >= threshold))).collect();
+        add(&mut left, -weight, &frame);
+        (weight, frame)
+    };
+    weights.into_iter().enumerate().map(frame).collect()
+}
+
+/// The weighted sum of the frames' photos, in W/(m² sr).
+fn summed(photos: &mut dyn Operator, frames: &[(f64, Vec<f64>)], unit: f64) -> Result<Vec<f64>> {
+    let mut sum = vec![0.0; photos.rows()];
+    for (weight, frame) in frames {
+        add(&mut sum, weight / unit, &product(photos, frame)?);
+    }
+    Ok(sum)
+}
+
+/// A wrong answer: the sum of the photos with equal weights, scaled to the norm of the right photo.
+fn equally(photos: &mut dyn Operator, pattern: &[f64], unit: f64, truth: &[f64]) -> Result<Vec<f64>> {
+    let frames: Vec<_> = planes_of(pattern, PLANES).into_iter().map(|(_, frame)| (1.0, frame)).collect();
+    let mut sum = summed(photos, &frames, unit)?;
+    let scale = norm(truth) / norm(&sum);
+    sum.iter_mut().for_each(|value| *value *= scale);
+    Ok(sum)
 }
 
 /// `½ + ½ sin` along the rows.
@@ -112,60 +156,6 @@ fn sinusoid(side: usize) -> Vec<f64> {
     (0..side * side).map(value).collect()
 }
 
-/// The photo of `pattern` in counts per second, from `planes` bit planes with a total exposure of `seconds`, and its number of frames.
-fn photo(
-    lab: &Lab,
-    file: &RigFile,
-    rig: &VirtualRig,
-    pattern: &[f64],
-    (planes, seconds): (u32, f64),
-) -> Result<(Vec<f64>, u64)> {
-    let measurement = MeasureOptions {
-        bit_planes: planes,
-        exposures: vec![seconds / f64::from(planes)],
-        sentinel_every: 0,
-        black_takes: 16,
-        ..file.measurement.clone()
-    };
-    let file = RigFile { measurement, kind: RigKind::Virtual(rig.clone()), ..file.clone() };
-    let mut lab = lab.through_rig(file)?;
-    // In dim light, the checks of the rig would fail, because noise hides even the white pattern at most pixels. The figure shows this.
-    lab.unexamined();
-    let pattern = Image::from_planes(lab.resolution(), &[pattern.to_vec()])?;
-    // The source is a virtual rig, so its devices exist, and its photos are measured.
-    let calibration = known(lab.rig().ok_or(Error::Interrupted)?.devices()?);
-    lab.set_calibration(calibration)?;
-    let taken = lab.with_measurement(|measurement| {
-        let photo = measurement.photograph(&pattern)?;
-        Ok((photo, measurement.effort().taken))
-    })?;
-    let (mut photo, frames) = taken.ok_or(Error::Interrupted)?;
-    Ok((photo.planes.swap_remove(0).values, frames))
-}
-
-/// The calibration that follows from the rig's own description. A calibration from captures would add little for two levels.
-fn known(rig: &VirtualRig) -> Calibration {
-    let mut calibration = Calibration::ideal(&rig.projector_info(), &rig.camera_info());
-    let camera = &mut calibration.camera;
-    camera.black = rig.camera.black_level;
-    camera.gain = rig.camera.full_well / (camera.saturation - camera.black);
-    camera.read_noise = rig.camera.read_noise / camera.gain;
-    calibration
-}
-
-/// The gain at which the white photo's 99th percentile fills `white_fill` of the sensor's well within `white_exposure`.
-fn counts_per_light(rig: &VirtualRig, stage: &Stage) -> f64 {
-    let mut white = stage.white();
-    white.sort_by(f64::total_cmp);
-    let brightest = white[((white.len() as f64 * 0.99).ceil() as usize).saturating_sub(1)];
-    let range = f64::from((1_u32 << rig.camera.bits) - 1) - rig.camera.black_level;
-    rig.camera.white_fill * range / rig.camera.white_exposure / brightest
-}
-
-fn error(a: &[f64], b: &[f64]) -> f64 {
-    norm(&minus(a, b))
-}
-
 fn panels(stage: &Stage, pattern: &[f64], truth: &[f64], plain: &[f64], decomposed: &[f64]) -> Vec<Panel> {
     let white = truth.iter().copied().fold(0.0, f64::max);
     let shown = Content::Light { values: pattern.to_vec(), white: Some(1.0) };
@@ -174,9 +164,28 @@ fn panels(stage: &Stage, pattern: &[f64], truth: &[f64], plain: &[f64], decompos
     vec![
         stage.panel("pattern", "What is to be projected, 0 to 1", shown),
         stage.panel("truth", "Its photo, W/(m² sr)", light(truth)),
-        stage.panel("plain", "By a projector of one bit", light(plain)),
+        stage.panel("plain", "One bit: the threshold", light(plain)),
         stage.panel("decomposed", "In 8 bit planes", light(decomposed)),
         stage.panel("error-plain", "One bit less truth, W/(m² sr)", less(plain)),
         stage.panel("error-decomposed", "8 bit planes less truth, W/(m² sr)", less(decomposed)),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weighted_frames_add_up_to_the_pattern_within_half_of_the_last_weight() {
+        let pattern: Vec<f64> = (0..=1000).map(|step| f64::from(step) / 1000.0).collect();
+        for planes in [1, 2, 5, 8] {
+            let frames = planes_of(&pattern, planes);
+            let mut sum = vec![0.0; pattern.len()];
+            frames.iter().for_each(|(weight, frame)| add(&mut sum, *weight, frame));
+            assert!(frames.iter().all(|(_, frame)| frame.iter().all(|value| [0.0, 1.0].contains(value))));
+            // The weights add up to 1, so a pattern of 1 has all frames lit.
+            let most = 0.5 * frames[frames.len() - 1].0 + 1e-12;
+            assert!(sum.iter().zip(&pattern).all(|(sum, value)| (sum - value).abs() <= most), "{planes}");
+        }
+    }
 }

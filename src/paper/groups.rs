@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bench::Stage;
 use super::figure::{Content, Panel};
-use crate::analysis::{MASKED, SegmentOptions, Segmentation};
+use crate::analysis::{Coordinates, MASKED, SegmentOptions, Segmentation};
 use crate::image::Resolution;
 use crate::lab::text::decimal;
 
@@ -18,6 +18,26 @@ pub(super) fn asked(photos: usize, groups: &[usize], resolution: Resolution) -> 
         groups: groups.to_vec(),
         ..SegmentOptions::default()
     }
+}
+
+/// The same options, but the pixels are grouped as in Algorithm 2 in section 5.2 of the paper: by the entries of the eigenvectors as they
+/// are, with equal weights.
+pub(super) fn plain(asked: SegmentOptions) -> SegmentOptions {
+    SegmentOptions { coordinates: Coordinates::Plain, ..asked }
+}
+
+/// A wrong answer: random labels of this number of groups. Pixels that are masked in `like` stay masked.
+pub(super) fn random_labels(like: &[u8], groups: usize) -> Vec<u8> {
+    // Steps of the golden ratio, whose upper bits are spread evenly and do not follow the picture's rows.
+    let hash = |pixel: usize| {
+        ((pixel as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (pixel as u64) << 7)
+            .wrapping_mul(0xd6e8_feb8_6659_fd93)
+    };
+    let label = |pixel: usize| (hash(pixel) >> 40) as usize % groups;
+    like.iter()
+        .enumerate()
+        .map(|(pixel, of)| if *of == MASKED { MASKED } else { label(pixel) as u8 })
+        .collect()
 }
 
 /// The labels for this number of groups; empty if this number was not requested.
@@ -191,6 +211,18 @@ pub(super) fn continuous(angle: f64, frequency: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn random_labels_are_even_and_tell_nothing() {
+        let truth: Vec<u8> =
+            (0..10_000).map(|pixel| if pixel == 7 { MASKED } else { u8::from(pixel % 100 < 50) }).collect();
+        let random = random_labels(&truth, 5);
+        assert_eq!(random[7], MASKED);
+        let counts = [0, 1, 2, 3, 4].map(|group| random.iter().filter(|label| **label == group).count());
+        // The standard deviation of a count of 2,000 in 10,000 is 40.
+        assert!(counts.iter().all(|count| count.abs_diff(2000) < 200), "{counts:?}");
+        assert!((purity(&random, &truth) - 0.5).abs() < 0.03, "{}", purity(&random, &truth));
+    }
 
     #[test]
     fn finer_groups_are_pure_and_mixed_ones_are_not() {

@@ -3,7 +3,8 @@
 use faer::{Mat, Side};
 
 use crate::error::{Error, Result};
-use crate::krylov::{dot, norm};
+pub(super) use crate::krylov::dot;
+use crate::krylov::norm;
 pub(super) use crate::operator::product;
 use crate::sparse::Csr;
 
@@ -22,6 +23,29 @@ pub(super) fn unit(mut vector: Vec<f64>) -> Vec<f64> {
     let length = norm(&vector);
     vector.iter_mut().for_each(|value| *value /= length);
     vector
+}
+
+/// The norm of the part of a vector that is orthogonal to all `known` vectors, relative to the vector.
+pub(super) fn norm_of_rest(vector: &[f64], known: &[Vec<f64>]) -> f64 {
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    // A second pass is necessary, because rounding leaves some of the basis after the first pass.
+    let project = |vector: &mut Vec<f64>, basis: &[Vec<f64>]| {
+        for of in [basis, basis].into_iter().flatten() {
+            let share = dot(of, vector);
+            add(vector, -share, of);
+        }
+    };
+    for of in known {
+        let (mut rest, before) = (of.clone(), norm(of));
+        project(&mut rest, &basis);
+        // A vector that depends on those before leaves only rounding errors.
+        if norm(&rest) > 1e-12 * before {
+            basis.push(unit(rest));
+        }
+    }
+    let mut rest = vector.to_vec();
+    project(&mut rest, &basis);
+    norm(&rest) / norm(vector)
 }
 
 /// `|xᵀ y| / (‖x‖ ‖y‖)`, the absolute cosine of the angle between two vectors.

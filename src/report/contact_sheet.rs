@@ -1,4 +1,4 @@
-//! The contact sheet: every photo of a run in order, each below its pattern, as in Figs. 9 and 10 of the paper.
+//! The contact sheet: every photo of a run in order, each below its pattern. Figures 9 and 10 of the paper show the first five in this way.
 
 use rayon::prelude::*;
 

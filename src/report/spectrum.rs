@@ -32,7 +32,8 @@ pub(crate) fn pictures(
             // For the average cut, whose first eigenvalue is 0, eigenvectors do not determine rows of the matrix.
             eigenvalue: (embedding.is_some() && values[0] > 0.5).then_some(*value),
             weight: coordinate.map(|(weight, _)| weight),
-            range: coordinate.map_or((0.0, 0.0), |(_, range)| range),
+            // Plain coordinates have no range.
+            range: coordinate.map(|(_, range)| range).filter(|(low, _)| low.is_finite()).unwrap_or_default(),
         };
         let mut painted = (paint_signed(resolution, vector, mask, range)?, Legend::signed(range));
         let mut caption = format!("{}: λ = {}", index + 1, decimal(*value, 5));

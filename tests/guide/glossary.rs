@@ -16,7 +16,7 @@ Z=assets/scenes/zigzag/scene.glb
 krylux photo assets/scenes/corner/scene.glb --size 24 --spp 16 --pattern checker:4 --channels luma -q -o photo.png
 krylux segment $Z $K --groups 2,4 --evidence --features "5,5;20,20" -q -o out/segment || test $? = 1
 krylux compensate assets/scenes/corner/scene.glb $K --target photo.png --compare-methods -q -o out/compare || test $? = 1
-krylux compensate assets/scenes/corner/scene.glb $K --target photo.png --paper -q -o out/paper || test $? = 1
+krylux compensate assets/scenes/corner/scene.glb $K --target photo.png --paper --lift 0.1 --precondition direct -q -o out/paper || test $? = 1
 krylux eigs $Z $K --count 4 -q -o out/eigs || test $? = 1
 krylux relight $Z $K --pattern left --dual -q -o out/relight || test $? = 1
 krylux separate $Z --size 24 --spp 16 --compare -q -o out/separate || test $? = 1

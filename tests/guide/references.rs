@@ -153,3 +153,24 @@ fn a_wrong_name_is_found() {
     assert_eq!(stale("python/src/lib.rs", "// `src/room/mod.rs`, `src/lib.rs`, https://host/src/x.rs\n"), []);
     assert_eq!(stale("README.md", "`src/*.rs`, `assets/NAME/scene.glb`, tests/{a,b}, `src/`\n"), []);
 }
+
+/// The page of the paper's rows names the test that holds each row, as `file.rs::test`.
+#[test]
+fn tests_that_the_guide_names_are_there() {
+    let pages = files().into_iter().filter(|path| path.starts_with("guide/src") && kind(path) == Some(""));
+    let mut named = 0;
+    for page in pages {
+        let text = fs::read_to_string(root().join(&page)).expect("a page");
+        for name in text.split('`').filter(|quoted| quoted.contains(".rs::")) {
+            let (file, test) = name.split_once("::").expect("a file and a test");
+            let source = fs::read_to_string(root().join(file));
+            let is_there = source.is_ok_and(|source| {
+                source.contains(&format!("#[test]\nfn {test}("))
+                    || source.contains(&format!("#[test]\n    fn {test}("))
+            });
+            assert!(is_there, "{}: {name}", page.display());
+            named += 1;
+        }
+    }
+    assert!(named > 100, "{named} tests are named");
+}

@@ -122,7 +122,8 @@ fn eigenvalues_are_lapacks_from_fewer_products_than_arpack_takes() {
 
 #[test]
 fn fifty_products_resolve_what_arpack_raises_on_after_ninety() {
-    // eigsh(ncv=50, maxiter=1), the paper's recipe in other words.
+    // eigsh(ncv=50, maxiter=1) is the recipe of the paper in SciPy's words: as many Lanczos vectors as photos and one restart (section
+    // 8.1), with 50 photos (section 8.2).
     let mut raised = 0;
     for scene in SCENES {
         let expected = &theirs(scene)["full"];

@@ -15,7 +15,7 @@ pub struct CompensateOptions {
     /// True if a pattern that misses `rtol` is not good, because the user requested this tolerance. Otherwise a pattern is also good if it
     /// is better than no compensation and the method ended because its photos were spent or their noise was reached. Default false.
     pub must_reach: bool,
-    /// The smallest projected value, which is the paper's `α` in [α, 1]. From 0 to below 1; default 0.
+    /// The smallest projected value. From 0 to below 1; default 0.
     pub floor: f64,
     /// The radiance of a target value of 1, in W/(m² sr). Default `None`: half the median of the white photo.
     pub peak: Option<f64>,
@@ -27,8 +27,8 @@ pub struct CompensateOptions {
     /// True if the lens of the projector or of the camera is out of focus. [`Method::KrylovBox`] then models unmeasured light as a mixture
     /// of blurs, fitted to its photos, and cannot recognize the optimum. The same applies if the operator is not symmetric. Default false.
     pub out_of_focus: bool,
-    /// Maps the target from [0, 1] to [`lift`, 1], as in the paper, so that the pattern has to remove less light. From 0 to below 1;
-    /// default 0.
+    /// Maps the target from [0, 1] to [`lift`, 1] (section 6.3 of the paper, where it is α). The solution then has fewer negative values,
+    /// and the photo less contrast. From 0 to below 1; default 0.
     pub lift: f64,
     /// True if projected Jacobi runs as a baseline with the same number of photos, and if the effect of clipping is photographed after each
     /// step. On a rig these photos are expensive. Default true.
@@ -74,16 +74,15 @@ impl Default for CompensateOptions {
 }
 
 impl CompensateOptions {
-    /// The options of the paper's method (section 6) with five photos. MINRES minimizes the unconstrained residual, or GMRES if the
-    /// operator is not `symmetric`. The direct image is the preconditioner. The target is mapped to [α, 1] (`lift`), and values outside the
-    /// projector's range are clamped.
-    pub fn paper(symmetric: bool, lift: f64) -> Self {
+    /// MINRES and clamping as in section 8.3 of the paper, with the five photos of figure 11; GMRES if the operator is not `symmetric`, which
+    /// that section proposes. The paper sets negative values to zero. Here values above 1 are clamped, too. The preconditioners of section
+    /// 6.4 and the mapping of section 6.3 (`lift`) serve for no result there, and are left out.
+    pub fn paper(symmetric: bool) -> Self {
         Self {
             method: if symmetric { Method::Minres } else { Method::Gmres },
             photos: 5,
             rtol: 0.0,
-            precondition: Some(Precondition::Direct),
-            lift,
+            precondition: Some(Precondition::None),
             ..Self::default()
         }
     }

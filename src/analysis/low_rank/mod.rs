@@ -12,8 +12,8 @@
 //! a coaxial rig it is a diagonal) and is stored separately: `A ≈ D + G_k`. Without further photos, the model relights any pattern,
 //! computes dual photographs, and removes interreflections from photos ([`cancel_interreflections`]).
 //!
-//! The source is O'Toole and Kutulakos, *Optical computing for fast light transport analysis* (2010), doi:10.1145/1882261.1866165, sections
-//! 4 and 7. They use an Arnoldi process and `W Qᵀ`, and do not store a diagonal separately.
+//! The source is O'Toole and Kutulakos, *Optical computing for fast light transport analysis* (2010), doi:10.1145/1882261.1866165. Their
+//! optical Arnoldi process acquires a low-rank approximation of the matrix for relighting.
 
 mod capture;
 mod channels;

@@ -72,6 +72,12 @@ impl Embedding {
         }
     }
 
+    /// Makes the entries themselves the coordinates: all factors are 1, and nothing is clamped.
+    pub(super) fn make_plain(&mut self) {
+        self.weights.iter_mut().skip(1).for_each(|weight| *weight = 1.0);
+        self.ranges.fill((f64::NEG_INFINITY, f64::INFINITY));
+    }
+
     /// Returns true if another vector (`m`, `uᵀ W u = 1`) with these weights is localized; see [`Embedding::is_local`].
     pub(super) fn would_be_local(vector: &[f64], weights: &[f64]) -> bool {
         within(vector, weights, range(vector, weights)) < LOCAL

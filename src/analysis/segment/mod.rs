@@ -9,8 +9,7 @@
 //! The cut has a limit. Two surfaces that meet in a sharp crease exchange light at every scale. The eigenvalues of the continuous scene are
 //! then not separate below some value (`guide/src/concepts/segmentation.md`), and fine groups follow the crease.
 //!
-//! References: O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5; for the photos, *Optical
-//! computing for fast light transport analysis*, 2010, doi:10.1145/1882261.1866165.
+//! Reference: O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5.
 
 mod capture;
 mod confirm;
@@ -30,7 +29,7 @@ pub use cut_matrix::CutMatrix;
 pub use embedding::Embedding;
 pub use evidence::{Evidence, FeatureView, Truth, adjusted_rand_index, evidence, feature_view};
 pub use graph::Graph;
-pub use options::{Cut, SegmentOptions};
+pub use options::{Coordinates, Cut, SegmentOptions};
 pub use regions::{KEPT, Regions};
 pub use segmentation::{MASKED, SURE, Segmentation, possible};
 

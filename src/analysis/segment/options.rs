@@ -17,6 +17,19 @@ pub enum Cut {
     Average,
 }
 
+/// The coordinates of pixels that k-means groups.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum Coordinates {
+    /// By how long light takes from pixel to pixel: entries in the eigenvectors divided by `√(1 − λ)`, and pixels weighted by their light
+    #[default]
+    Commute,
+    /// Entries in the eigenvectors as they are, all pixels with the same weight, as in Algorithm 2 of the paper (section 5.2)
+    Plain,
+}
+
 /// The options of [`segment`](super::segment()).
 #[derive(Clone, Debug)]
 pub struct SegmentOptions {
@@ -30,14 +43,16 @@ pub struct SegmentOptions {
     pub eigenvectors: usize,
     /// The number of starting patterns of the Krylov process. Among regions that exchange the same small amount of light, each pattern
     /// finds only one region, so every region needs a pattern. With more patterns, each pattern has fewer photos. If each of several
-    /// patterns has found a region and photos are left, the same number of patterns is added. The paper's process has one pattern. Default
-    /// none: [`SegmentOptions::automatic_starts`] if `resolution` is given, otherwise one.
+    /// patterns has found a region and photos are left, the same number of patterns is added. In section 4 of the paper there is one
+    /// pattern. Default none: [`SegmentOptions::automatic_starts`] if `resolution` is given, otherwise one.
     pub starts: Option<usize>,
     /// The resolution of patterns and photos. It is used to make several starting patterns smooth, because regions are extended and noise
     /// is not. Default none: random signs, pixel by pixel.
     pub resolution: Option<Resolution>,
     /// The normalization of the cut.
     pub cut: Cut,
+    /// The coordinates of pixels that k-means groups.
+    pub coordinates: Coordinates,
     /// The weight `μ ≥ 0` added to every edge (in units of `G`), which makes small groups less likely. Default 0.
     pub mu: f64,
     /// The share of a region's light that the operator itself carries across the region's border, as a blur does. Eigenvalues this far from
@@ -63,6 +78,7 @@ impl Default for SegmentOptions {
             starts: None,
             resolution: None,
             cut: Cut::default(),
+            coordinates: Coordinates::default(),
             mu: 0.0,
             leak: 0.0,
             mask_below: 0.01,

@@ -5,7 +5,7 @@ use super::capture::Capture;
 use super::embedding::{Embedding, mean};
 use super::graph::Graph;
 use super::grouping::{confidence, divided};
-use super::options::{Cut, SegmentOptions};
+use super::options::{Coordinates, Cut, SegmentOptions};
 use crate::analysis::kmeans::{Clusters, KmeansOptions, kmeans};
 use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio, SIGMAS};
@@ -46,7 +46,7 @@ pub struct Segmentation {
     pub eigenvectors: Vec<Vec<f64>>,
     /// The map from eigenvectors to the coordinates that k-means groups.
     pub embedding: Embedding,
-    /// The weight of each pixel in k-means (`n`): its degree, or 1 for the average cut; 0 on masked pixels.
+    /// The weight of each pixel in k-means (`n`): its degree, or 1 for the average cut and for plain coordinates; 0 on masked pixels.
     pub weights: Vec<f64>,
     /// The number of regions with almost no exchange, estimated from the eigenvalues.
     pub regions: Regions,
@@ -117,7 +117,7 @@ impl Segmentation {
                 }
             }
         }
-        let weights = match options.cut {
+        let mut weights = match options.cut {
             Cut::Normalized => graph.degree().to_vec(),
             Cut::Average => vec![1.0; graph.degree().len()],
         };
@@ -132,6 +132,10 @@ impl Segmentation {
         vectors.truncate(kept);
         let pairs = &pairs[..kept - 1];
         embedding.truncate(kept);
+        if options.coordinates == Coordinates::Plain {
+            embedding.make_plain();
+            weights.fill(1.0);
+        }
         let features: Vec<Vec<f64>> = (1..kept)
             .map(|index| vectors[index].iter().map(|&entry| embedding.coordinate(index, entry)).collect())
             .collect();

@@ -13,7 +13,8 @@
 //!
 //! Automatic behaviour of a rig's devices may cause a check to fail. [`crate::bench::rig_check::faults`] reports such behaviour.
 //!
-//! Source: O'Toole and Kutulakos, section 8.
+//! Source: O'Toole and Kutulakos. Additivity, homogeneity and symmetry are properties of light transport in section 3. Section 8.1 looks
+//! for shadows to test the alignment of projector and camera. The other checks, and all bounds, are ours.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

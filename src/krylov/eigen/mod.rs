@@ -20,7 +20,7 @@ pub use confirm::{Beside, confirm, largest_beside};
 /// A method that finds eigenpairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EigsMethod {
-    /// Power iteration, the paper's Algorithm 1: the pair of largest magnitude, for any operator. It serves as a baseline.
+    /// Power iteration, Algorithm 1 in section 4 of the paper: the pair of largest magnitude, for any operator. It serves as a baseline.
     Power,
     /// [`Factorization::lanczos`], for symmetric operators: the best method in nearly all cases.
     #[default]

@@ -9,7 +9,7 @@ use crate::krylov::completeness::{Recorder, Stats, Status};
 use crate::krylov::factor::{Factorization, RitzPair, Which, point_upwards};
 use crate::operator::{Operator, Symmetry, check_square};
 
-/// Power iteration, `x ← A x / ‖A x‖`, the paper's Algorithm 1: finds the eigenpair `A x = θ x` of largest magnitude of an `A` of `n × n`.
+/// Power iteration, `x ← A x / ‖A x‖`: finds the eigenpair `A x = θ x` of largest magnitude of an `A` of `n × n`.
 ///
 /// The product that makes the next vector also gives the Rayleigh quotient `θ = xᵀA x` and the residual `A x − θ x`. They cost no further
 /// product. The result is the vector before the last product. Each product multiplies the error by `|λ₂/λ₁|`. Lanczos converges faster, at
@@ -18,7 +18,8 @@ use crate::operator::{Operator, Symmetry, check_square};
 /// The method stores four vectors of `n`. `which` must be [`Which::LargestMagnitude`], or [`Which::LargestAlgebraic`] if the dominant
 /// eigenvalue is known to be positive (as for a matrix without negative entries: Perron). `count` must be 1.
 ///
-/// O'Toole and Kutulakos, doi:10.1145/1882261.1866165, Algorithm 1.
+/// O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 4, Algorithm 1. As written there, a step
+/// takes two products, one of them for the Rayleigh quotient.
 pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let n = operator.cols();
     check(operator, options)?;

@@ -40,7 +40,8 @@ pub enum ProcessKind {
     ///
     /// References: Lanczos (1950), doi:10.6028/jres.045.026; Paige, *The computation of eigenvalues and eigenvectors of very large sparse
     /// matrices* (1971); Parlett, *The Symmetric Eigenvalue Problem*, chapter 13, doi:10.1137/1.9781611971163. With photos for products:
-    /// O'Toole and Kutulakos, sections 3 and 4; *Optical computing for fast light transport analysis* (2010), doi:10.1145/1882261.1866165.
+    /// O'Toole and Kutulakos, section 4 (the Krylov subspace), section 7.1 (orthogonal patterns) and section 8.1 (as many Lanczos vectors
+    /// as photos, and no restart). See also *Optical computing for fast light transport analysis* (2010), doi:10.1145/1882261.1866165.
     Lanczos = 1,
     /// A block Lanczos factorization of a symmetric operator `A` of `n × n`, with full reorthogonalization.
     ///
@@ -82,7 +83,7 @@ pub enum ProcessKind {
     ///
     /// References: Arnoldi, *The principle of minimized iterations in the solution of the matrix eigenvalue problem* (1951),
     /// doi:10.1090/qam/42792; Saad, *Numerical Methods for Large Eigenvalue Problems*, chapter 6, doi:10.1137/1.9781611970739. With photos
-    /// for products: O'Toole and Kutulakos, sections 3 and 4.
+    /// for products: O'Toole and Kutulakos, section 4 (the Arnoldi approximation problem) and section 7.1 (orthogonal patterns).
     Arnoldi = 3,
 }
 

@@ -18,8 +18,8 @@ use crate::operator::Adjoint;
 /// [`Status::Breakdown`] if the Krylov space is invariant and contains no solution (a singular `A`). After `k` steps since the last
 /// restart, the method stores `k + 1` basis vectors; `k` more if flexible or preconditioned on the left; `b, x, r` and three work vectors.
 ///
-/// References: O'Toole and Kutulakos, section 6, use it for light transport compensation. Saad and Schultz (1986), doi:10.1137/0907058;
-/// flexible: Saad (1993), doi:10.1137/0914028.
+/// References: Saad and Schultz (1986), doi:10.1137/0907058; flexible: Saad (1993), doi:10.1137/0914028. O'Toole and Kutulakos propose it
+/// for light transport compensation (sections 6.1 and 6.2). Their results are by MINRES (section 8.3).
 pub struct Gmres {
     side: Side,
     flexible: bool,

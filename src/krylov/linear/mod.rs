@@ -67,7 +67,7 @@ pub struct SolveOptions {
     pub side: Side,
     /// The number of products after which the method restarts. Read by GMRES and FGMRES. Default `None`: no restart.
     pub restart: Option<usize>,
-    /// The lower bound of the box (α of the paper's [α, 1]). Read by Jacobi, FISTA and krylov-box. Default 0.
+    /// The lower bound of the box. Read by Jacobi, FISTA and krylov-box. Default 0.
     pub lower: f64,
     /// The upper bound of the box. Read by Jacobi, FISTA and krylov-box. Default 1.
     pub upper: f64,

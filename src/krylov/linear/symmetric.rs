@@ -111,9 +111,9 @@ const RISE: f64 = 1e-14;
 /// `β_j` by more than rounding or noise (the operator is not symmetric). The method stores twelve `n`-vectors: `b, x`, the best `x`, `r`,
 /// two Lanczos vectors, three preconditioned Lanczos vectors (these two and the next), two directions, and a product.
 ///
-/// References: O'Toole and Kutulakos, section 6, use it for light transport compensation. Paige and Saunders
-/// (1975), doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements and Fast
-/// Iterative Solvers*, algorithm 4.1, doi:10.1093/acprof:oso/9780199678792.001.0001.
+/// References: Paige and Saunders (1975), doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements and Fast
+/// Iterative Solvers*, algorithm 4.1, doi:10.1093/acprof:oso/9780199678792.001.0001. O'Toole and Kutulakos introduce it for light transport
+/// compensation in section 6.2, and make all their results of compensation with it (section 8.3).
 pub struct Minres {
     /// The previous and the current Lanczos vector, orthonormal in the inner product of `M⁻¹`.
     v_old: Vec<f64>,

@@ -1,12 +1,12 @@
-//! Scenes for tests and benchmarks: scenes with a closed-form light transport, a leaning sheet, and a box of many triangles.
+//! Scenes for tests and benchmarks: scenes with a closed-form light transport, and a box of many triangles.
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
-use glam::{DQuat, DVec3, Vec3, dvec3, vec3};
+use glam::{DVec3, Vec3, dvec3, vec3};
 
+use super::TAN_20_DEGREES;
 use super::model::{Model, Part, matte, white_paper};
-use super::{TAN_20_DEGREES, TAN_25_DEGREES};
 use crate::scene::Scene;
 
 /// A fronto-parallel matte plane with albedo `albedo` at `distance` metres, much larger than the view. The tangent of half the field of
@@ -88,34 +88,6 @@ pub fn tessellated_box(target_triangles: usize) -> Scene {
         part
     });
     Model::along_z("tessellated-box", parts.into(), white_paper(), (1.3, TAN_20_DEGREES)).to_scene()
-}
-
-/// Half of the sheet's height, in metres.
-const HALF_HEIGHT: f64 = 0.35;
-/// The folds' positions across the sheet and their depths behind its ridges, in metres, as in `zigzag`.
-const FOLDS: [[f64; 2]; 5] = [[-0.4, 0.0], [-0.2, -0.3], [0.0, 0.0], [0.2, -0.3], [0.4, 0.0]];
-/// Distance between the camera and the centre of the sheet's middle ridge, in metres.
-const DISTANCE: f64 = 0.85;
-/// The angle in degrees by which the sheet leans back from its lower edge upwards.
-const LEAN: f64 = 35.0;
-/// The angle in degrees by which the sheet is turned about the vertical, so that the faces beside its middle ridge are not equally bright.
-const TURN: f64 = 20.0;
-
-/// A white sheet, folded like the two sheets of `zigzag` (`\/\/` seen from above), that leans back and is turned to its left. Direct light
-/// is brightest at a single spot: the lower end of the middle ridge, 0.65 m from the camera. On an upright sheet, a whole ridge would be
-/// equally bright. The sheet is region 0.
-pub fn folded_sheet() -> Model {
-    let turn = DQuat::from_rotation_y(TURN.to_radians());
-    let lean = DQuat::from_rotation_x(-LEAN.to_radians());
-    let at = |[x, depth]: [f64; 2], height: f64| {
-        (lean * (dvec3(0.0, height, 0.0) + turn * dvec3(x, 0.0, depth)) - DISTANCE * DVec3::Z).as_vec3()
-    };
-    let mut sheet = Part::new("folded sheet", Some(0));
-    for pair in FOLDS.windows(2) {
-        let [low, high] = [-HALF_HEIGHT, HALF_HEIGHT];
-        sheet.quad([at(pair[0], low), at(pair[1], low), at(pair[1], high), at(pair[0], high)]);
-    }
-    Model::along_z("folded-sheet", vec![sheet], white_paper(), (0.0, TAN_25_DEGREES))
 }
 
 /// An icosahedron whose triangles are each split into four, `subdivisions` times (at most 8 times). Returns the vertices, on the unit

@@ -38,8 +38,9 @@ pub fn carton_eggs() -> Model {
     model("carton-eggs", 4, LYING, |cup| (cup % COLUMNS + cup / COLUMNS).is_multiple_of(2))
 }
 
-/// A carton as in figure 8 of the paper: 3 × 3 cups of 0.20 m × 0.20 m, seen from the camera of [`carton`]. With `eggs`, an egg stands in
-/// every cup. The egg hides most of the cup from the camera and rises above the rims, so light passes from egg to egg.
+/// A carton for figure 8 of the paper: 3 × 3 cups of 0.20 m × 0.20 m, seen from the camera of [`carton`]. The text of the paper states
+/// neither sizes nor the number of cups. With `eggs`, an egg stands in every cup. The egg hides most of the cup from the camera and rises
+/// above the rims, so light passes from egg to egg.
 pub fn nine_cells(eggs: bool) -> Model {
     let name = if eggs { "nine-cells-eggs" } else { "nine-cells" };
     model(name, 3, STANDING, |_| eggs)

@@ -8,10 +8,10 @@
 //! | `mirror-ball` | a mirror ball on the floor of a white room |
 //! | `cornell` | a coloured box with two blocks |
 //! | `two-sheets` | two curved sheets of paper that exchange no light |
-//! | `two-sheets-post` | `two-sheets` with a post in front, which divides one sheet into two patches in the picture |
+//! | `sheet-behind-sheet` | two curved sheets that exchange no light, one behind the other |
 //! | `carton` | an egg carton of twelve cups that exchange no light |
 //! | `carton-eggs` | `carton` with an egg in every second cup |
-//! | `nine-cells` | an egg carton of nine cups, as in figure 8 of the paper |
+//! | `nine-cells` | an egg carton of nine cups, for figure 8 of the paper, which does not state the number of cups |
 //! | `nine-cells-eggs` | `nine-cells` with an egg in every cup; light passes from egg to egg |
 //!
 //! `cargo run --example regenerate_assets` writes the files of the shipped scenes.
@@ -20,12 +20,12 @@ mod analytic;
 mod egg_carton;
 mod model;
 
-use glam::{DVec2, DVec3, Vec3, dvec2, dvec3, vec3};
+use glam::{DQuat, DVec2, DVec3, Vec3, dvec2, dvec3, vec3};
 
 use crate::scene::Material;
 use model::{matte, white_paper};
 
-pub use analytic::{folded_sheet, inside_sphere, parallel_plates, plane, tessellated_box};
+pub use analytic::{inside_sphere, parallel_plates, plane, tessellated_box};
 pub use egg_carton::{carton, carton_eggs, nine_cells};
 pub use model::{Model, Part};
 
@@ -38,7 +38,7 @@ pub fn shipped() -> Vec<Model> {
         mirror_ball(),
         cornell(),
         two_sheets(),
-        two_sheets_post(),
+        sheet_behind_sheet(),
         carton(),
         carton_eggs(),
         nine_cells(false),
@@ -114,17 +114,26 @@ const WALLS: [[Vec3; 4]; 5] = {
 pub fn mirror_ball() -> Model {
     const CENTER: DVec3 = dvec3(0.04, -0.22, -0.42);
     const RADIUS: f64 = 0.28;
-    // Each of the 5120 facets is about 4° wide. This is about one facet per pixel if the ball is 60 pixels wide.
-    const SUBDIVISIONS: u32 = 4;
-    let mut room = Part::new("room", None);
-    WALLS.into_iter().for_each(|wall| room.quad(wall));
+    // Each of the 20,480 facets is about 2° wide. This is about one facet per pixel if the ball is 120 pixels wide.
+    const SUBDIVISIONS: u32 = 5;
     let mut ball = Part::new("ball", None);
     let (vertices, inwards) = analytic::icosphere(SUBDIVISIONS);
     ball.positions = vertices.iter().map(|vertex| (CENTER + RADIUS * *vertex).as_vec3()).collect();
     ball.triangles = inwards.into_iter().map(|[a, b, c]| [a, c, b]).collect();
     ball.material = 1;
     let materials = vec![matte("white", Vec3::splat(0.7)), perfect_mirror()];
-    Model::along_z("mirror-ball", vec![room, ball], materials, (1.3, TAN_20_DEGREES))
+    Model::along_z("mirror-ball", vec![walls(), ball], materials, (1.3, TAN_20_DEGREES))
+}
+
+/// A white room (albedo 0.8) of 1 m that is open towards the camera, 1.3 m in front of the opening. Its back wall is 2.3 m from the camera.
+pub fn room() -> Model {
+    Model::along_z("room", vec![walls()], white_paper(), (1.3, TAN_20_DEGREES))
+}
+
+fn walls() -> Part {
+    let mut room = Part::new("room", None);
+    WALLS.into_iter().for_each(|wall| room.quad(wall));
+    room
 }
 
 /// A box of 1 m that is open towards the camera, 1.3 m in front of the opening. Floor, ceiling and back wall are white, the left wall is
@@ -173,12 +182,6 @@ fn block(name: &str, foot: DVec3, height: f64, turn: f64) -> Part {
     part
 }
 
-/// Distance of all rims from the camera along its axis, in metres.
-const RIM: f64 = 0.85;
-
-/// Number of flat strips that approximate each sheet.
-const STRIPS: usize = 24;
-
 /// Two white sheets of paper side by side. Each sheet is bent about a vertical axis into a trough that opens towards the camera: a part of
 /// a cylinder, of 120° on the left and 100° on the right. The sheets are 0.43 m and 0.41 m wide from rim to rim and 0.9 m high, with a gap
 /// of 2 mm between them. All rims are 0.85 m from the camera, and all other points are farther away. The rims block every line from one
@@ -186,43 +189,68 @@ const STRIPS: usize = 24;
 /// `zigzag`, they are not mirror images of each other.
 pub fn two_sheets() -> Model {
     let sheets = vec![
-        trough("left sheet", 0, [-0.441, -0.011], 60.0),
-        trough("right sheet", 1, [-0.009, 0.401], 50.0),
+        trough("left sheet", 0, [-0.441, -0.011], (0.85, 60.0), 24),
+        trough("right sheet", 1, [-0.009, 0.401], (0.85, 50.0), 24),
     ];
     Model::along_z("two-sheets", sheets, white_paper(), (0.0, 0.45))
 }
 
-/// The [`two_sheets`] with a black post in front of the left sheet. The post is 3 cm wide and 3 cm behind the plane of the rims. In the
-/// picture, the post divides the left sheet into two patches that do not touch, but the patches exchange light behind the post. The post is
-/// region 2, and reflects no light.
-pub fn two_sheets_post() -> Model {
-    let mut model = Model { name: "two-sheets-post", ..two_sheets() };
-    let mut post = Part::new("post", Some(2));
-    post.quad([(-0.241, -0.5), (-0.211, -0.5), (-0.211, 0.5), (-0.241, 0.5)].map(|(x, y)| vec3(x, y, -0.88)));
-    post.material = 1;
-    model.parts.push(post);
+/// Two white sheets of paper, bent about vertical axes into troughs that open towards the camera. The front sheet is a part of a cylinder
+/// of 120°. It is 0.197 m wide, its rims are 0.62 m from the camera, and it hides the middle of the other sheet, of 90°, which is 0.8 m wide
+/// and has its rims at 0.78 m. In a picture of 128 pixels per side, the front rims are between two columns of pixels. No point inside the front trough sees the sheet behind it, so the two exchange no light. The visible parts
+/// of the rear sheet do not touch in the picture. They exchange light behind the front sheet, and by reflection from its back side. The
+/// front sheet is region 0, and the rear sheet is region 1.
+pub fn sheet_behind_sheet() -> Model {
+    let sheets = vec![
+        trough("front sheet", 0, [-0.0987, 0.0987], (0.62, 60.0), 24),
+        trough("rear sheet", 1, [-0.4, 0.4], (0.78, 45.0), 24),
+    ];
+    Model::along_z("sheet-behind-sheet", sheets, white_paper(), (0.0, TAN_20_DEGREES))
+}
+
+/// The [`sheet_behind_sheet`] with a black lining 2 mm behind the front sheet, so that its back side reflects nothing. Lining and front
+/// sheet are region 0.
+pub fn sheet_behind_lined_sheet() -> Model {
+    let mut model = Model { name: "sheet-behind-lined-sheet", ..sheet_behind_sheet() };
+    let mut lining = trough("lining", 0, [-0.0987, 0.0987], (0.622, 60.0), 24);
+    lining.material = 1;
+    model.parts.push(lining);
     model.materials.push(matte("black", Vec3::ZERO));
     model
 }
 
-/// A sheet that is bent to a circular arc from `left` to `right` (in metres along x). The arc spans `2·angle` degrees.
-fn trough(name: &str, label: u32, [left, right]: [f64; 2], angle: f64) -> Part {
+/// A glossy white sheet that is bent about a vertical axis into a trough of 90°, 0.6 m wide, with its rims 0.8 m from the camera before the
+/// sheet is turned by 9° and leant by 6°. It has one specular spot, where it faces the camera. The sheet is region 0.
+pub fn glossy_sheet() -> Model {
+    const SHEET: f64 = 0.88;
+    let mut sheet = trough("glossy sheet", 0, [-0.3, 0.3], (0.8, 45.0), 48);
+    let turn = DQuat::from_rotation_x(6.0_f64.to_radians()) * DQuat::from_rotation_y(9.0_f64.to_radians());
+    for position in &mut sheet.positions {
+        *position = (turn * (position.as_dvec3() + SHEET * DVec3::Z) - SHEET * DVec3::Z).as_vec3();
+    }
+    let material = Material { roughness: 0.15, specular: 1.0, ..matte("glossy paper", Vec3::splat(0.8)) };
+    Model::along_z("glossy-sheet", vec![sheet], vec![material], (0.0, TAN_20_DEGREES))
+}
+
+/// A sheet that is bent to a circular arc from `left` to `right` (in metres along x). The arc spans `2·angle` degrees. Its rims are `rim`
+/// metres from the camera along its axis, and all other points are farther away. It is approximated by flat `strips`.
+fn trough(name: &str, label: u32, [left, right]: [f64; 2], (rim, angle): (f64, f64), strips: usize) -> Part {
     let angle = angle.to_radians();
     let radius = (right - left) / (2.0 * angle.sin());
-    let axis = dvec2((left + right) / 2.0, -RIM + radius * angle.cos());
+    let axis = dvec2((left + right) / 2.0, -rim + radius * angle.cos());
     let profile = |strip: usize| -> DVec2 {
         // The ends are set exactly, because rounding could move one rim in front of the other.
         match strip {
-            0 => dvec2(left, -RIM),
-            STRIPS => dvec2(right, -RIM),
+            0 => dvec2(left, -rim),
+            _ if strip == strips => dvec2(right, -rim),
             _ => {
-                let turn = angle * (2.0 * strip as f64 / STRIPS as f64 - 1.0);
+                let turn = angle * (2.0 * strip as f64 / strips as f64 - 1.0);
                 axis + radius * dvec2(turn.sin(), -turn.cos())
             }
         }
     };
     let mut part = Part::new(name, Some(label));
-    part.grid(STRIPS, 1, |strip, end| {
+    part.grid(strips, 1, |strip, end| {
         let at = profile(strip);
         let height = if end == 0 { -0.45 } else { 0.45 };
         dvec3(at.x, height, at.y).as_vec3()

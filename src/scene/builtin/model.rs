@@ -118,7 +118,7 @@ pub(super) fn matte(name: &str, color: Vec3) -> Material {
     Material { name: name.into(), base_color: color, ..Material::default() }
 }
 
-/// The white matte material (albedo 0.8) of the paper scenes.
+/// The white matte material (albedo 0.8) of sheets and cartons.
 pub(super) fn white_paper() -> Vec<Material> {
     vec![matte("white paper", Vec3::splat(0.8))]
 }

@@ -31,8 +31,8 @@ pub struct Compensate {
     /// What is to be seen: an image file (.npy, .exr, .png, .tif …) of values in [0, 1], as large as --size
     #[arg(long, value_name = "FILE", required = true, value_parser = PathBufValueParser::new().map(Picture::File))]
     pub target: Option<Picture>,
-    /// The paper's recipe: MINRES (GMRES where the rig is not coaxial) preconditioned by the direct image, five photos, the
-    /// target moved to [0.1, 1], and the answer clamped. Options given beside it replace those of the recipe
+    /// As in section 8.3 of the paper: MINRES (GMRES where the rig is not coaxial) without preconditioner, five photos, and the answer
+    /// clamped. Options given beside it replace these. Section 6.3 of the paper proposes --lift
     #[arg(long)]
     pub paper: bool,
     /// How: inside the projector's range: krylov-box, fista, jacobi; not negative: mrnsd, multiplicative; clipped
@@ -49,8 +49,8 @@ pub struct Compensate {
     /// Move the target's values from [0, 1] to [α, 1], so that less light has to be taken away [default: 0]
     #[arg(long, value_name = "α", value_parser = number::<f64>)]
     pub lift: Option<f64>,
-    /// The least that is projected: the box is [α, 1]
-    #[arg(long, value_name = "α", default_value_t = 0.0, value_parser = number::<f64>)]
+    /// The least that is projected: patterns have values in [FLOOR, 1]
+    #[arg(long, value_name = "FLOOR", default_value_t = 0.0, value_parser = number::<f64>)]
     pub floor: f64,
     /// What speeds up methods without a box [default: diagonal]
     #[arg(long, value_enum)]
@@ -234,7 +234,7 @@ impl Compensate {
     /// The options of the method. `is_symmetric` describes the light transport. `photos_of_run` is the default budget of a replayed run.
     pub fn options(&self, is_symmetric: bool, photos_of_run: Option<usize>) -> CompensateOptions {
         let base = match self.paper {
-            true => CompensateOptions::paper(is_symmetric, 0.1),
+            true => CompensateOptions::paper(is_symmetric),
             false => CompensateOptions::default(),
         };
         let method = self.method.unwrap_or(base.method);

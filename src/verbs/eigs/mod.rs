@@ -72,7 +72,7 @@ pub struct Eigs {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// The paper's Algorithm 1: one pair, of largest magnitude
+    /// Algorithm 1 in section 4 of the paper: one pair, of largest magnitude
     Power,
     /// Symmetric matrices: the best in nearly all cases
     Lanczos,

@@ -46,7 +46,7 @@ pub(super) fn show(found: &Segmentation, view: &FeatureView, palette: &Palette, 
     let mut blocks: Vec<Block> =
         [[0, 1], [2, 3]].into_iter().filter_map(|axes| scatter(found, view, palette, axes)).collect();
     blocks.extend([coordinates(view), distances(view)]);
-    let text = "A pixel's coordinates are its values in the eigenvectors, each over √(1 − λ). Pixels that exchange much light lie close together, however far apart they are in the picture; these are the points that the groups are made of.";
+    let text = "A pixel's coordinates are its values in the eigenvectors, by default each over √(1 − λ). Pixels that exchange much light lie close together, however far apart they are in the picture; these are the points that the groups are made of.";
     page.section("Pixels in the space of eigenvectors", text, blocks);
 }
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::options::{count, defaults, not_planned, number};
 use crate::analysis::segment::{Capture, feature_view};
 use crate::analysis::separate::SeparateBy;
-use crate::analysis::{Blurred, Cut, SegmentOptions, WithoutDirect, segment::evidence};
+use crate::analysis::{Blurred, Coordinates, Cut, SegmentOptions, WithoutDirect, segment::evidence};
 use crate::error::{Error, Result};
 use crate::image::{Blur, Resolution};
 use crate::krylov::Confirm;
@@ -34,8 +34,8 @@ pub struct Segment {
     /// Photos to take at most [default: 50, or the budget of the run that is SOURCE]
     #[arg(long, value_name = "N", value_parser = count::<usize>)]
     pub photos: Option<usize>,
-    /// Patterns that the photos start from: no fewer than regions; 1 is the paper's process [default: a quarter of the
-    /// photos, from 1 to 12]
+    /// Patterns that the photos start from: no fewer than regions; 1 is a single Krylov subspace, as in section 4 of the
+    /// paper [default: a quarter of the photos, from 1 to 12]
     #[arg(long, value_name = "N", value_parser = count::<usize>)]
     pub starts: Option<usize>,
     /// Eigenvectors that the groups are made from
@@ -44,6 +44,9 @@ pub struct Segment {
     /// Weigh the light across a cut against each side's light, or against its number of pixels
     #[arg(long, value_enum, default_value = "normalized")]
     pub cut: Cut,
+    /// What k-means groups
+    #[arg(long, value_enum, default_value = "commute")]
+    pub coordinates: Coordinates,
     /// Added to every edge of the graph, in units of A: very small groups are worth less
     #[arg(long, value_name = "X", default_value_t = 0.0, value_parser = number::<f64>)]
     pub mu: f64,
@@ -169,6 +172,7 @@ impl Segment {
             starts: self.starts.or(photos_of_run.map(SegmentOptions::automatic_starts)),
             cut: self.cut,
             mu: self.mu,
+            coordinates: self.coordinates,
             mask_below: self.mask_below,
             confirm: self.confirm.map(|share| Confirm { share, ..Confirm::default() }),
             seed,

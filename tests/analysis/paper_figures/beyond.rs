@@ -1,4 +1,4 @@
-//! Beyond the paper: a model of the lens, all methods at once, mixed colours, and another target for a scene that is known.
+//! Beyond the paper: a measured model of the lens, all methods at once, mixed colours, and another target for a scene that is known.
 
 use krylux::analysis::compensate::{compare_methods, compensate, compensate_with};
 use krylux::analysis::{CompensateOptions, Crosstalk, Precondition, Prior, Target};

@@ -4,7 +4,9 @@ use std::sync::{Arc, OnceLock};
 
 use krylux::analysis::segment::{evidence, feature_view, segment};
 use krylux::analysis::separate::SeparateBy;
-use krylux::analysis::{Blurred, MASKED, SegmentOptions, Segmentation, WithoutDirect, adjusted_rand_index};
+use krylux::analysis::{
+    Blurred, Coordinates, SegmentOptions, Segmentation, WithoutDirect, adjusted_rand_index,
+};
 use krylux::image::{Blur, Resolution};
 use krylux::lab::Lab;
 use krylux::scene::{Scene, builtin};
@@ -129,7 +131,7 @@ fn cut_and_straight_cut(scene: &Traced, labels: &[u8], groups: usize, side: usiz
 }
 
 #[test]
-fn figure_4_bent_sheets_are_cut_into_horizontal_bands_and_sharp_folds_at_their_creases_which_is_cheaper() {
+fn bent_sheets_are_cut_into_horizontal_bands_and_sharp_folds_at_their_creases_which_is_cheaper() {
     let side = 64;
     let bent = Traced::new(load("two-sheets"), side);
     let found = bent.segmentation(50, 10, &[6, 10]);
@@ -158,7 +160,7 @@ fn figure_4_bent_sheets_are_cut_into_horizontal_bands_and_sharp_folds_at_their_c
 }
 
 #[test]
-fn figure_5_pixels_of_one_fold_lie_together_and_those_of_the_other_far_away() {
+fn pixels_of_one_fold_have_close_features_and_those_of_the_other_distant_ones() {
     let folds = folds(48);
     let found = folds.segmentation(30, 10, &[2]);
     // Two pixels of the left fold, near the top, on either side of its valley; and the mirror image of the first.
@@ -170,42 +172,48 @@ fn figure_5_pixels_of_one_fold_lie_together_and_those_of_the_other_far_away() {
 }
 
 #[test]
-fn figure_6_two_patches_that_do_not_touch_share_a_group() {
-    let sheets = Traced::new(builtin::two_sheets_post().to_scene(), 64);
+fn figure_6_patches_of_a_sheet_behind_another_share_a_group() {
+    let sheets = Traced::new(builtin::sheet_behind_sheet().to_scene(), 64);
     let found = sheets.segmentation(50, 10, &[2]);
     let two = labels(&found, 2);
-    // The parts of the left sheet at the left and right of the post; no path of its pixels leads from one to the other.
-    let post =
-        |row: usize| sheets.truth[row * 64..row * 64 + 64].iter().filter(|&&region| region == 2).count();
-    assert!((0..64).all(|row| post(row) >= 2), "the post parts every row");
-    let first = sheets.truth[32 * 64..33 * 64].iter().position(|&region| region == 2).unwrap();
-    let group = |wanted: &dyn Fn(usize) -> bool| -> Vec<u8> {
-        let seen = |&pixel: &usize| sheets.truth[pixel] == 0 && two[pixel] != MASKED && wanted(pixel % 64);
+    // The visible parts of the rear sheet, at the left and right of the front sheet.
+    let patch = |is_left: bool| -> Vec<u8> {
+        let seen = |&pixel: &usize| sheets.truth[pixel] == 1 && (pixel % 64 < 32) == is_left;
         (0..64 * 64).filter(seen).map(|pixel| two[pixel]).collect()
     };
-    let (left, right) = (group(&|column| column < first), group(&|column| column > first));
     let ones = |patch: &[u8]| patch.iter().filter(|&&label| label == 1).count() as f64 / patch.len() as f64;
-    let [left_ones, right_ones] = [ones(&left), ones(&right)];
-    let sheet_ones = [0, 1].map(|region| {
-        let of: Vec<u8> = (0..64 * 64)
-            .filter(|&pixel| sheets.truth[pixel] == region && two[pixel] != MASKED)
-            .map(|pixel| two[pixel])
-            .collect();
-        ones(&of)
-    });
-    println!(
-        "fig6: patches of {} and {} pixels, share in group 2: {left_ones:.4} {right_ones:.4}; sheets {sheet_ones:.4?}; {}",
-        left.len(),
-        right.len(),
-        found.regions.sentence()
-    );
-    assert!(left.len() > 300 && right.len() > 300);
-    assert!((left_ones - right_ones).abs() < 0.01, "both patches are in one group");
-    assert!((sheet_ones[0] - sheet_ones[1]).abs() > 0.98, "and the other sheet in the other: {sheet_ones:?}");
+    let [left, right] = [patch(true), patch(false)];
+    let front: Vec<u8> =
+        (0..64 * 64).filter(|&pixel| sheets.truth[pixel] == 0).map(|pixel| two[pixel]).collect();
+    let shares = [ones(&left), ones(&right), ones(&front)];
+    println!("fig6: shares in group 2 {shares:.4?}; {}", found.regions.sentence());
+    assert!(left.len() > 800 && right.len() > 800, "{} {}", left.len(), right.len());
+    assert!((shares[0] - shares[1]).abs() < 0.01, "both patches are in one group: {shares:?}");
+    assert!((shares[0] - shares[2]).abs() > 0.98, "and the front sheet in the other: {shares:?}");
 }
 
 #[test]
-fn figure_8_cells_of_a_carton_are_groups_until_eggs_lead_light_across() {
+fn plain_coordinates_are_the_entries_of_the_eigenvectors_with_equal_weights() {
+    let folds = folds(48);
+    let asked = |coordinates| SegmentOptions {
+        photos: 20,
+        groups: vec![2],
+        coordinates,
+        ..SegmentOptions::default()
+    };
+    let found = segment(&mut folds.part(Part::Global), &asked(Coordinates::Plain)).unwrap();
+    let scaled = segment(&mut folds.part(Part::Global), &asked(Coordinates::Commute)).unwrap();
+    assert_eq!(found.eigenvectors, scaled.eigenvectors);
+    for pixel in (0..48 * 48).filter(|&pixel| !found.mask[pixel]) {
+        let entries: Vec<f64> = found.eigenvectors[1..].iter().map(|vector| vector[pixel]).collect();
+        assert_eq!(found.feature(pixel), entries);
+        assert_eq!(found.weights[pixel], 1.0);
+    }
+    assert!(folds.agreement(labels(&found, 2)) >= 0.97, "{}", folds.agreement(labels(&found, 2)));
+}
+
+#[test]
+fn figure_8_cells_of_a_carton_are_groups_and_eggs_change_them() {
     let empty = Traced::new(builtin::nine_cells(false).to_scene(), 64);
     let found = empty.segmentation(100, 20, &[9]);
     let nine = labels(&found, 9);
