@@ -12,7 +12,8 @@
 //! other light paths. The report states how far the two traced matrices are from transposes of each other.
 
 use super::bench::{APART, Bench, Set, Stage};
-use super::figure::{Check, Content, Figure, Panel, Plot, Reproduced, Rig, counted};
+use super::check::Check;
+use super::figure::{Content, Figure, Panel, Plot, Reproduced, Rig, counted};
 use super::groups::{asked, labels, purity, random_labels};
 use super::vectors::{minus, product, singular_triplets};
 use crate::analysis::segment::segment;

@@ -5,7 +5,8 @@
 //! span the same space, and have the condition number 1.
 
 use super::bench::{Bench, Set};
-use super::figure::{Check, Content, Figure, Plot, Points, Reproduced, counted};
+use super::check::Check;
+use super::figure::{Content, Figure, Plot, Points, Reproduced, counted};
 use super::random::{graph, make_orthonormal};
 use super::vectors::{add, conditions, product, spectrum_of_rows, unit};
 use crate::analysis::segment::{Cut, CutMatrix, Graph};

@@ -6,7 +6,8 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::bench::{Bench, Stage};
-use super::figure::{Check, Content, Panel, Plot, Points, counted};
+use super::check::Check;
+use super::figure::{Content, Panel, Plot, Points, counted};
 use super::vectors::{minus, product};
 use crate::analysis::compensate::Mixture;
 use crate::analysis::similarity::similarity;

@@ -14,8 +14,9 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 
 use super::bench::{Bench, EDGE, Set, Stage};
+use super::check::Check;
 use super::contest::{MethodRun, TargetLight, percent};
-use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, Rig};
+use super::figure::{Content, Figure, Panel, Plot, Points, Reproduced, Rig};
 use crate::calibrate::StructuredLight;
 use crate::error::{Error, Result};
 use crate::image::percentile;

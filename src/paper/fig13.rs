@@ -3,7 +3,8 @@
 //! Every frame is black and white. The weights of the photos are 1/2, 1/4, and so on (section 7.2 of the paper).
 
 use super::bench::{Bench, Set, Stage};
-use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, Rig};
+use super::check::Check;
+use super::figure::{Content, Figure, Panel, Plot, Points, Reproduced, Rig};
 use super::vectors::{add, minus, product};
 use crate::error::Result;
 use crate::krylov::norm;

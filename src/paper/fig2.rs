@@ -5,7 +5,8 @@
 //! photos contains a far better vector.
 
 use super::bench::{Bench, Set, Stage};
-use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, counted};
+use super::check::Check;
+use super::figure::{Content, Figure, Panel, Plot, Points, Reproduced, counted};
 use super::vectors::{Spectrum, overlap, product, spectrum, unit};
 use crate::error::Result;
 use crate::image::Resolution;

@@ -10,7 +10,8 @@
 use std::ops::ControlFlow;
 
 use super::bench::{Bench, Set, Stage};
-use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, counted, good_from};
+use super::check::Check;
+use super::figure::{Content, Figure, Panel, Plot, Points, Reproduced, counted, good_from};
 use super::groups::{asked, bands, continuous, labels, panels, plain, purity, random_labels, straight_bands};
 use crate::analysis::segment::{evidence, segment};
 use crate::analysis::{Capture, SegmentOptions, Segmentation};

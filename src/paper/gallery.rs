@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use super::figure::digits;
+use super::check::digits;
 use super::{Check, Content, Figure, Limit, Panel, Reproduced, Rig, Strip};
 use crate::error::{Error, Result};
 use crate::io::atomic;

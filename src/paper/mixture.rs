@@ -5,7 +5,8 @@
 //! converges to the part of `b` in their span: a mixture that depends on where it starts.
 
 use super::bench::{Bench, Set, Stage};
-use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, counted};
+use super::check::Check;
+use super::figure::{Content, Figure, Panel, Plot, Points, Reproduced, counted};
 use super::random::graph;
 use super::vectors::{add, dot, norm_of_rest, overlap, product, unit};
 use crate::analysis::segment::{Cut, CutMatrix, Graph};

@@ -28,6 +28,7 @@
 
 mod apart;
 mod bench;
+mod check;
 mod conditioning;
 mod contest;
 mod disparity;
@@ -48,7 +49,8 @@ use crate::error::Result;
 use crate::lab::SharedObserver;
 
 pub use bench::{Bench, BenchOptions};
-pub use figure::{Check, Content, Figure, Limit, Panel, Plot, Reproduced, Rig, Strip};
+pub use check::{Check, Limit};
+pub use figure::{Content, Figure, Panel, Plot, Reproduced, Rig, Strip};
 pub use gallery::Gallery;
 
 /// Reproduces `figure` on `bench`. Fails if a trace, a photo or a method fails; [`crate::Error::Interrupted`] when the observer stops it.

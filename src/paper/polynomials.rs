@@ -8,8 +8,9 @@
 //! norm after `k` photos has the Ritz values as its zeros.
 
 use super::bench::{Bench, Set};
+use super::check::Check;
 use super::contest::{TargetLight, percent};
-use super::figure::{Check, Figure, Plot, Points, Reproduced, counted};
+use super::figure::{Figure, Plot, Points, Reproduced, counted};
 use super::vectors::{Spectrum, add, spectrum, spectrum_of_rows};
 use crate::error::Result;
 use crate::krylov::{Factorization, dot, norm};

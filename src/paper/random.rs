@@ -6,8 +6,9 @@
 //! picture?* The solution is the combination of random patterns whose photos best approximate the target's light by least squares.
 
 use super::bench::{Bench, Set};
+use super::check::Check;
 use super::contest::{MethodRun, TargetLight, clamped, over_frames, percent};
-use super::figure::{Check, Content, Figure, Panel, Plot, Points, Reproduced, counted, good_from};
+use super::figure::{Content, Figure, Panel, Plot, Points, Reproduced, counted, good_from};
 use super::vectors::{add, overlap, product, spectrum_of_rows, unit};
 use crate::analysis::low_rank::smooth_starts;
 use crate::analysis::segment::{Cut, CutMatrix, Graph};

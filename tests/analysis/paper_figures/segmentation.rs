@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use krylux::analysis::segment::{evidence, feature_view, segment};
 use krylux::analysis::separate::SeparateBy;
 use krylux::analysis::{
-    Blurred, Coordinates, SegmentOptions, Segmentation, WithoutDirect, adjusted_rand_index,
+    Blurred, Coordinates, MASKED, SegmentOptions, Segmentation, WithoutDirect, adjusted_rand_index,
 };
 use krylux::image::{Blur, Resolution};
 use krylux::lab::Lab;
