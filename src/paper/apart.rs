@@ -49,7 +49,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
                 .at_least(purity(labels, truth), PURE)
                 .refutes("random labels", purity(&random_labels(truth, 2), truth))
                 .without(
-                    "Without the columns of pixels at the border of the sheets, which see both sheets,",
+                    "Without the pixels along the border of the two sheets",
                     purity(labels, &without_border(truth, side)),
                 ),
         );

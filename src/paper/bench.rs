@@ -215,6 +215,8 @@ pub(super) enum Set {
     /// The same with a front sheet whose back side is black.
     LinedSheet,
     GlossySheet,
+    /// The same sheet without gloss.
+    MatteSheet,
     Carton,
     CartonEggs,
     /// The zigzag with the projector [`APART`] to the right of the camera.
@@ -275,7 +277,8 @@ impl Set {
             Self::TwoSheets | Self::SheetsOutOfFocus => builtin::two_sheets(),
             Self::SheetBehindSheet => builtin::sheet_behind_sheet(),
             Self::LinedSheet => builtin::sheet_behind_lined_sheet(),
-            Self::GlossySheet => builtin::glossy_sheet(),
+            Self::GlossySheet => builtin::glossy_sheet(0.15),
+            Self::MatteSheet => builtin::glossy_sheet(1.0),
             Self::Carton => builtin::nine_cells(false),
             Self::CartonEggs => builtin::nine_cells(true),
         }

@@ -79,9 +79,10 @@ impl Check {
         self.limit.allows(self.value) && !self.is_idle()
     }
 
-    /// Whether the wrong answer meets the bound, too.
+    /// Whether the wrong answer meets the bound, too, or has no score.
     pub fn is_idle(&self) -> bool {
-        self.limit != Limit::Stated && self.wrong.as_ref().is_some_and(|(_, value)| self.limit.allows(*value))
+        let is_met = |value: f64| value.is_nan() || self.limit.allows(value);
+        self.limit != Limit::Stated && self.wrong.as_ref().is_some_and(|(_, value)| is_met(*value))
     }
 
     /// The distance by which the number misses its bound; 0 if it meets the bound.
@@ -164,7 +165,7 @@ mod tests {
     #[test]
     fn a_bound_that_a_wrong_answer_meets_is_not_met() {
         let check = |wrong: f64| Check::of("index").at_most(0.25, 0.9).refutes("random labels", wrong);
-        assert!(check(0.95).is_met() && !check(0.0).is_met());
+        assert!(check(0.95).is_met() && !check(0.0).is_met() && !check(f64::NAN).is_met());
         assert_eq!(check(0.0).shortfall(), 0.0);
         assert!(check(0.0).cause().contains("random labels, 0, meets it"), "{}", check(0.0).cause());
         // A number that is only reported has no bound that could prove nothing.

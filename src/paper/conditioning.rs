@@ -30,7 +30,9 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let graph = graph(photos)?;
     let Bases { as_they_are, process, conditions: [power, photographed, orthogonal] } =
         Bases::of(photos, &graph)?;
-    let by_light = Bases::of(&mut bench.truth(&stage, Part::Global)?, &graph)?;
+    let truth = &mut bench.truth(&stage, Part::Global)?;
+    let graph_of_light = self::graph(truth)?;
+    let by_light = Bases::of(truth, &graph_of_light)?;
 
     let by_power = errors_by_power(&as_they_are, reference)?;
     let by_lanczos = errors_by_lanczos(&process, reference)?;
@@ -44,11 +46,11 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         .refutes("orthogonal patterns in their place", at(&orthogonal, JUDGED) / at(&photographed, JUDGED))
         .without("Without the devices, by the light itself,", ratio(&by_light.conditions)),
         Check::of(format!("condition number of {JUDGED} patterns, projected back as they are")).stated(at(&power, JUDGED)),
-        Check::of("the same, made orthogonal").stated(at(&orthogonal, JUDGED)),
-        Check::of("photos of the orthogonal ones").stated(at(&photographed, JUDGED)),
+        Check::of(format!("condition number of {JUDGED} patterns that were made orthogonal")).stated(at(&orthogonal, JUDGED)),
+        Check::of("condition number of the photos of these orthogonal patterns").stated(at(&photographed, JUDGED)),
         Check::of("second eigenvalue of the normalized cut by the light itself").stated(reference),
-        Check::of(format!("its error by {JUDGED} photos projected back as they are")).stated(by_power[JUDGED - 1].1),
-        Check::of(format!("its error by {JUDGED} photos of orthogonal patterns")).stated(by_lanczos[JUDGED - 1].1),
+        Check::of(format!("error of that eigenvalue by {JUDGED} photos projected back as they are")).stated(by_power[JUDGED - 1].1),
+        Check::of(format!("error of that eigenvalue by {JUDGED} photos of orthogonal patterns")).stated(by_lanczos[JUDGED - 1].1),
     ];
     let shown = |number: usize| {
         let values = graph.scatter(&as_they_are[number - 1][0], 0.0);

@@ -119,7 +119,7 @@ fn checks(rows: &[Row]) -> Vec<Check> {
     }
     checks.extend([
         Check::of(format!("largest disparity, 95 % of the pixels, at which {PHOTOS} photos of MINRES are within {AS_GOOD} times the residual without, in pixels")).stated(still[0]),
-        Check::of("the same of GMRES, which does not rely on symmetry").stated(still[1]),
+        Check::of("such a largest disparity of GMRES, which does not rely on symmetry, in pixels").stated(still[1]),
     ]);
     for row in rows {
         let beside = format!("{:.0} mm aside", row.millimetres);
@@ -129,7 +129,8 @@ fn checks(rows: &[Row]) -> Vec<Check> {
             Check::of(format!("{beside}: asymmetry that Lanczos reports, %")).stated(percent(row.asymmetry)),
             Check::of(format!("{beside}: least residual within {PHOTOS} photos of MINRES, %"))
                 .stated(percent(row.minres.least_answered())),
-            Check::of(format!("{beside}: the same of GMRES, %")).stated(percent(row.gmres.least_answered())),
+            Check::of(format!("{beside}: least residual within {PHOTOS} photos of GMRES, %"))
+                .stated(percent(row.gmres.least_answered())),
             Check::of(format!("{beside}: photos until MINRES ends, of {PHOTOS}"))
                 .stated(row.minres.answered.len() as f64),
         ]);

@@ -3,13 +3,13 @@
 //!
 //! Figure 12 is the experiment of section 8.3: camera and projector out of focus, MINRES, and negative values set to zero. The paper states
 //! neither the width of the blur nor whether the target was mapped to [α, 1] (section 6.3). Both decide whether the method helps, so the
-//! figure shows where it does and where it stops: MINRES divides by the small eigenvalues of a wide blur, the solution leaves [0, 1] at most
-//! pixels, and clamping it adds more than the method gained.
+//! figure shows where it does and where it stops. MINRES divides by the small eigenvalues of a wide blur, its solution leaves [0, 1] at about
+//! a quarter of the pixels, and clamping them adds more than the method gained.
 
 use super::bench::{Bench, Set};
 use super::check::Check;
 use super::contest::{Contest, MethodRun, TargetLight, at_equal_costs, frames_taken, percent};
-use super::figure::{Figure, Plot, Points, Reproduced, Strip, counted};
+use super::figure::{Figure, Plot, Points, Reproduced, Strip, counted, good_from};
 use super::vectors::{add, norm_of_rest};
 use crate::error::Result;
 use crate::krylov::{Method, Start};
@@ -34,18 +34,18 @@ pub(super) fn fig11(bench: &mut Bench) -> Result<Reproduced> {
             .at_most(percent(minres.answered_at(PHOTOS_IN_FOCUS)), 1.0)
             .refutes("2 photos", percent(minres.answered_at(2))),
     ];
-    checks.extend(contest.against_uncompensated("corner", PHOTOS_IN_FOCUS, 0.5)?);
+    checks.extend(contest.against_uncompensated("corner", PHOTOS_IN_FOCUS, [0.4, 0.095])?);
     checks.extend([
-        Check::of("ours: residual displayed, 5 photos inside the box, over the optimum")
+        Check::of("ours: residual displayed, 5 photos with values kept in [0, 1], over the optimum")
             .at_most(boxed.displayed_at(PHOTOS_IN_FOCUS) / contest.bound, 1.02)
             .refutes("MINRES and clamping", minres.displayed_at(PHOTOS_IN_FOCUS) / contest.bound),
-        Check::of("ours: residual displayed, 5 photos inside the box, %")
+        Check::of("ours: residual displayed, 5 photos with values kept in [0, 1], %")
             .stated(percent(boxed.displayed_at(PHOTOS_IN_FOCUS))),
         Check::of("residual displayed by MINRES and clamping, 5 photos, %")
             .stated(percent(minres.displayed_at(PHOTOS_IN_FOCUS))),
         Check::of("residual displayed by projected Jacobi, 5 photos, %")
             .stated(percent(jacobi.displayed_at(PHOTOS_IN_FOCUS))),
-        Check::of("optimum inside the box, % (proven from below)").stated(percent(contest.bound)),
+        Check::of("optimum with values kept in [0, 1], % (proven from below)").stated(percent(contest.bound)),
         Check::of("uncompensated, %").stated(percent(contest.uncompensated)),
     ]);
     checks.extend(frames_taken(&entries, PHOTOS_IN_FOCUS));
@@ -79,37 +79,46 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
     let stage = bench.stage(Set::Room(RADII[0]), side)?;
     let contest = Contest::hold(bench, &stage, LIFT, PHOTOS, OPTIMUM)?;
     let Contest { target_light, minres, boxed, jacobi, .. } = &contest;
-    let mut checks = Vec::from(contest.against_uncompensated("room", CONVERGED, 0.9)?);
+    let mut checks = Vec::from(contest.against_uncompensated("room", CONVERGED, [0.75, 0.1])?);
     let shown = minres.shown_at(CONVERGED);
-    let lost = 1.0 - target_light.bar_contrast(&contest.plain);
+    let Breaking { checks: stated, plot: curves, widest } = Breaking::of(bench)?;
+    let settled = |residuals: &[f64]| {
+        let last = residuals.last().copied().unwrap_or(f64::NAN);
+        good_from(&counted(residuals), |residual| (residual / last - 1.0).abs() <= 0.05)
+    };
+    let least = |run: &MethodRun| {
+        let first = counted(&run.displayed).into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
+        first.map_or(f64::NAN, |(photos, _)| photos)
+    };
     checks.extend([
-        Check::of("room: residual displayed by MINRES and clamping, 8 photos, over that of 12")
-            .at_most(minres.displayed_at(CONVERGED) / minres.displayed_at(PHOTOS), 1.05)
-            .refutes("1 photo", minres.displayed_at(1) / minres.displayed_at(PHOTOS)),
-        Check::of("room: share of the bars' lost contrast that the photo regains, 8 photos")
-            .at_least(1.0 - (1.0 - target_light.bar_contrast(&shown)) / lost, 0.5)
-            .refutes("the target itself", 0.0),
+        Check::of("room: photos from which on the residual displayed is within 5 % of that after 12")
+            .at_most(settled(&minres.displayed), CONVERGED as f64)
+            .refutes("the widest blur", settled(&widest)),
+        Check::of("room: photos at which the residual displayed is least").stated(least(minres)),
+        Check::of("room: share of the bars' lost contrast on the back wall that the photo regains, 8 photos")
+            .at_least(target_light.regained(&shown), 0.25)
+            .refutes("the target divided by the white photo", target_light.regained(&target_light.divided())),
     ]);
     let sheets = bench.stage(Set::SheetsOutOfFocus, side)?;
     let on_sheets = Contest::hold(bench, &sheets, LIFT, PHOTOS, OPTIMUM)?;
     checks.extend(on_sheets.against_uncompensated(
         "two sheets (not used to find the setting)",
         CONVERGED,
-        0.9,
+        [0.2, 0.12],
     )?);
     let over_optimum = |run: &MethodRun| run.displayed_at(PHOTOS) / contest.bound;
     checks.extend([
-        Check::of("ours, room: residual displayed, 12 photos inside the box, over the optimum")
+        Check::of("ours, room: residual displayed, 12 photos with values kept in [0, 1], over the optimum")
             .at_most(over_optimum(boxed), 1.05)
             .refutes("MINRES and clamping", over_optimum(minres)),
-        Check::of("ours, two sheets: residual displayed, 12 photos inside the box, %")
+        Check::of("ours, two sheets: residual displayed, 12 photos with values kept in [0, 1], %")
             .stated(percent(on_sheets.boxed.displayed_at(PHOTOS))),
         Check::of("two sheets: residual displayed by MINRES and clamping, 12 photos, %")
             .stated(percent(on_sheets.minres.displayed_at(PHOTOS))),
-        Check::of("room: optimum inside the box, % (proven from below)").stated(percent(contest.bound)),
+        Check::of("room: optimum with values kept in [0, 1], % (proven from below)")
+            .stated(percent(contest.bound)),
         Check::of("room: uncompensated, %").stated(percent(contest.uncompensated)),
     ]);
-    let (stated, curves) = where_it_breaks(bench)?;
     checks.extend(stated);
     let entries =
         [("MINRES, then clamped", minres), ("Krylov inside the box", boxed), ("projected Jacobi", jacobi)];
@@ -125,7 +134,7 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
     Ok(Reproduced {
         setting: format!(
             "a white room, {}, by a lens of 13 mm radius for camera and projector, focused 1.4 m ahead: the back wall is blurred by discs of {:.2} \
-             pixels radius; the target is mapped to [{LIFT}, 1]; {PHOTOS} photos beside the white one",
+             pixels radius, which is mild; the target is mapped to [{LIFT}, 1]; {PHOTOS} photos beside the white one",
             stage.resolution,
             Set::blur_of_back_wall(RADII[0], side),
         ),
@@ -137,41 +146,54 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// Numbers and curves of MINRES and clamping for wider blurs, and for a target that is not mapped.
-fn where_it_breaks(bench: &mut Bench) -> Result<(Vec<Check>, Plot)> {
-    let side = bench.side(SIDE);
-    let mut checks = Vec::new();
-    let mut lines: Vec<(String, Points)> = Vec::new();
-    for (tenths, lift) in RADII.map(|tenths| (tenths, LIFT)).into_iter().chain([(RADII[0], 0.0)]) {
-        let stage = bench.stage(Set::Room(tenths), side)?;
-        let name = match lift {
-            0.0 => "room, target not mapped".into(),
-            _ => format!("room, blur of {:.2} pixels", Set::blur_of_back_wall(tenths, side)),
-        };
-        let operator = &mut bench.photos(&stage, Part::Full)?;
-        let light = TargetLight::new(&stage, operator, lift)?;
-        let minres = light.run(operator, (Method::Minres, false), PHOTOS)?;
-        let uncompensated = light.residual(&light.plain());
-        let over = |residual: f64| residual / uncompensated;
-        let answer = minres.answers.get(CONVERGED - 1).map_or(&[][..], Vec::as_slice);
-        checks.extend([
-            Check::of(format!("{name}: residual displayed, 8 photos, over that uncompensated"))
-                .stated(over(minres.displayed_at(CONVERGED))),
-            Check::of(format!("{name}: the same before clamping"))
-                .stated(over(minres.answered_at(CONVERGED))),
-            Check::of(format!("{name}: pixels that clamping changes, %"))
-                .stated(percent(TargetLight::clamped_share(answer))),
-        ]);
-        lines.push((
-            name,
-            counted(&minres.displayed.iter().map(|&residual| over(residual)).collect::<Vec<_>>()),
-        ));
-    }
-    let caption = "Where MINRES and clamping help: the residual displayed over that uncompensated. Above 1 the pattern is worse than the target \
+/// MINRES and clamping for wider blurs, and for a target that is not mapped.
+struct Breaking {
+    checks: Vec<Check>,
+    plot: Plot,
+    /// The residuals displayed at the widest blur.
+    widest: Vec<f64>,
+}
+
+impl Breaking {
+    fn of(bench: &mut Bench) -> Result<Self> {
+        let side = bench.side(SIDE);
+        let mut widest = Vec::new();
+        let mut checks = Vec::new();
+        let mut lines: Vec<(String, Points)> = Vec::new();
+        for (tenths, lift) in RADII.map(|tenths| (tenths, LIFT)).into_iter().chain([(RADII[0], 0.0)]) {
+            let stage = bench.stage(Set::Room(tenths), side)?;
+            let name = match lift {
+                0.0 => "room, target not mapped".into(),
+                _ => format!("room, blur of {:.2} pixels", Set::blur_of_back_wall(tenths, side)),
+            };
+            let operator = &mut bench.photos(&stage, Part::Full)?;
+            let light = TargetLight::new(&stage, operator, lift)?;
+            let minres = light.run(operator, (Method::Minres, false), PHOTOS)?;
+            let uncompensated = light.residual(&light.plain());
+            let over = |residual: f64| residual / uncompensated;
+            if tenths == RADII[RADII.len() - 1] {
+                widest.clone_from(&minres.displayed);
+            }
+            let answer = minres.answers.get(CONVERGED - 1).map_or(&[][..], Vec::as_slice);
+            checks.extend([
+                Check::of(format!("{name}: residual displayed, 8 photos, over that uncompensated"))
+                    .stated(over(minres.displayed_at(CONVERGED))),
+                Check::of(format!("{name}: the same before clamping"))
+                    .stated(over(minres.answered_at(CONVERGED))),
+                Check::of(format!("{name}: pixels that clamping changes, %"))
+                    .stated(percent(TargetLight::clamped_share(answer))),
+            ]);
+            lines.push((
+                name,
+                counted(&minres.displayed.iter().map(|&residual| over(residual)).collect::<Vec<_>>()),
+            ));
+        }
+        let caption = "Where MINRES and clamping help: the residual displayed over that uncompensated. Above 1 the pattern is worse than the target \
                    itself.";
-    let plot = Plot::logarithmic(caption, ["photos", "residual, relative to uncompensated"], lines)
-        .marked(1.0, "uncompensated");
-    Ok((checks, plot))
+        let plot = Plot::logarithmic(caption, ["photos", "residual, relative to uncompensated"], lines)
+            .marked(1.0, "uncompensated");
+        Ok(Self { checks, plot, widest })
+    }
 }
 
 /// The number of photos that figure 10 shows.

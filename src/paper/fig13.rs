@@ -1,6 +1,6 @@
 //! Figure 13: a sinusoid from a binary projector, as a threshold and as bit planes, and the noise of photos with small weights.
 //!
-//! Every frame is black and white. The weights of the photos are 1/2, 1/4, and so on (section 7.2 of the paper).
+//! Every frame is black and white. Our weights are 1/2, 1/4, and so on, the last one twice. Section 7.2 of the paper gives none.
 
 use super::bench::{Bench, Set, Stage};
 use super::check::Check;
@@ -18,7 +18,7 @@ const PLANES: u32 = 8;
 /// The largest number of bit planes in the curves. The smallest is 1.
 const MOST: u32 = 10;
 const PERIODS: f64 = 4.0;
-/// The exposure of all planes together in dim light, in seconds. White then fills a thousandth of what it fills in its own exposure (0.1 s).
+/// The exposure of all planes together in dim light, in seconds. White then fills a hundredth of what it fills in its own exposure (0.1 s).
 const DIM: f64 = 1e-3;
 
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {

@@ -47,10 +47,10 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let highlight = brightest(&stage.white());
     let far = |pattern: &[f64]| distance(stage.resolution, brightest(pattern), highlight);
     let lowest = |pattern: &[f64]| pattern.iter().copied().fold(0.0, f64::min) / norm_of_largest(pattern);
-    let centre = stage.resolution.height / 2 * stage.resolution.width + stage.resolution.width / 2;
+    let matte = bench.stage(Set::MatteSheet, bench.side(SIDE))?;
     let checks = vec![
         Check::of(format!(
-            "pixels that share the light of the pattern after {PHOTOS} photos, of {}",
+            "effective number of pixels of the pattern after {PHOTOS} photos, of {}",
             stage.pixels()
         ))
         .at_most(sharing(vector), (SPOT * stage.pixels() as f64).max(1.5))
@@ -58,7 +58,10 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         .without(devices, sharing(last(&ideal))),
         Check::of("distance of its brightest pixel from the specular spot of the white photo, in pixels")
             .at_most(far(vector), 1.0)
-            .refutes("the centre of the picture", distance(stage.resolution, centre, highlight)),
+            .refutes(
+                "the brightest pixel of the sheet without gloss",
+                distance(stage.resolution, brightest(&matte.white()), highlight),
+            ),
         Check::of(format!("overlap with the dense eigenvector, {}", small.resolution))
             .at_least(overlap(last(&from_small), &exact.vectors[0]), ALIKE)
             .refutes("the second eigenvector", overlap(&exact.vectors[1], &exact.vectors[0]))

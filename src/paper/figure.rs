@@ -262,7 +262,7 @@ const WORDS: [[&str; 3]; Figure::ALL.len()] = [
         "fig9",
         "Figure 9: the photos of a segmentation",
         "Figure 9: the first five patterns of the segmentation of the empty carton, each above its photo. Each photo makes the next pattern \
-         (sections 4 and 7.1).",
+         (sections 4, 5.2 and 7.1).",
     ],
     [
         "fig10",
@@ -323,7 +323,7 @@ const WORDS: [[&str; 3]; Figure::ALL.len()] = [
         "mixture",
         "Appendix B: equal eigenvalues",
         "Appendix B: where the largest eigenvalue is not distinct, power iteration need not converge to one vector. Its photos become a linear \
-         combination of the principal eigenvectors. Appendix A: a matrix of independent regions has such eigenvalues.",
+         combination of the principal eigenvectors. Appendix A: a matrix that can be divided (reducible) has such eigenvalues.",
     ],
 ];
 

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bench::Stage;
 use super::figure::{Content, Panel};
-use crate::analysis::{Coordinates, MASKED, SegmentOptions, Segmentation};
+use crate::analysis::{MASKED, SegmentOptions, Segmentation};
 use crate::image::Resolution;
 use crate::lab::text::decimal;
 
@@ -18,12 +18,6 @@ pub(super) fn asked(photos: usize, groups: &[usize], resolution: Resolution) -> 
         groups: groups.to_vec(),
         ..SegmentOptions::default()
     }
-}
-
-/// The same options, but the pixels are grouped as in Algorithm 2 in section 5.2 of the paper: by the entries of the eigenvectors as they
-/// are, with equal weights.
-pub(super) fn plain(asked: SegmentOptions) -> SegmentOptions {
-    SegmentOptions { coordinates: Coordinates::Plain, ..asked }
 }
 
 /// A wrong answer: random labels of this number of groups. Pixels that are masked in `like` stay masked.

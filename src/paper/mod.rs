@@ -2,7 +2,7 @@
 //!
 //! The paper is O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*. Resolutions and numbers of photos are the
 //! paper's for figures 4 and 6 (section 8.2), and numbers of photos also for figures 8 (section 8.2; the caption has twice as many), 11
-//! and 12 (section 8.3). All others, the scenes ([`crate::scene::builtin`]) and the bounds are our own. Each figure is a function of a
+//! and 12 (section 8.3). Our 50 photos of a segmentation include the white one, and figure 12 goes on from 8 to 12. All others, the scenes ([`crate::scene::builtin`]) and the bounds are our own. Each figure is a function of a
 //! [`Bench`], which provides the photos. It returns a [`Reproduced`]: pictures, curves, and numbers with their bounds. Beside a bound stands
 //! the score of a wrong answer ([`Check::wrong`]), which must miss it.
 //!

@@ -61,20 +61,26 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let without_devices = "Without the devices, on the matrix itself,";
     let checks = vec![
         Check::of(format!(
-            "residual of {JUDGED} photos of MINRES, over the least that the condition number alone allows to promise"
+            "residual of {JUDGED} photos of MINRES, over the error bound from the condition number alone"
         ))
         .at_most(seen(JUDGED) / by_condition, 0.5)
         .refutes("2 photos", seen(2) / by_condition)
         .without(without_devices, seen_by_light(JUDGED) / by_condition),
-        Check::of("residual over the norm of its polynomial on the true spectrum, the worst of 1 to 3 photos")
-            .at_most(worst(&|k| seen(k) / predicted(k)), 1.2)
-            .refutes("the polynomial of the next degree", worst(&|k| seen(k) / predicted(k + 1)))
-            .without(without_devices, worst(&|k| seen_by_light(k) / exact_of(k))),
+        Check::of(
+            "residual over the norm of its polynomial on the true spectrum, the worst of 1 to 3 photos",
+        )
+        .at_most(worst(&|k| seen(k) / predicted(k)), 1.2)
+        .refutes("the polynomial of the next degree", worst(&|k| seen(k) / predicted(k + 1)))
+        .without(without_devices, worst(&|k| seen_by_light(k) / exact_of(k))),
         Check::of(format!("residual of {JUDGED} photos of MINRES, %")).stated(percent(seen(JUDGED))),
-        Check::of("by its polynomial on the true spectrum, %").stated(percent(predicted(JUDGED))),
-        Check::of("by the Chebyshev polynomial of the same degree, at the most, %").stated(percent(by_condition)),
+        Check::of(format!("norm of the residual polynomial of {JUDGED} photos on the true spectrum, %"))
+            .stated(percent(predicted(JUDGED))),
+        Check::of("error bound from the condition number alone (Chebyshev), %").stated(percent(by_condition)),
         Check::of("smallest eigenvalue over the largest").stated(smallest / largest),
-        Check::of(format!("norm of the monic polynomial of degree {PHOTOS}, its root over the largest eigenvalue")).stated(run.monic_norms().last().map_or(f64::NAN, |norm| norm / largest)),
+        Check::of(format!(
+            "norm of the monic polynomial of degree {PHOTOS}, its root over the largest eigenvalue"
+        ))
+        .stated(run.monic_norms().last().map_or(f64::NAN, |norm| norm / largest)),
     ];
     Ok(Reproduced {
         setting: format!("corner, {}, MINRES from the target's light, {PHOTOS} photos", stage.resolution),

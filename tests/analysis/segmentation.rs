@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use faer::{Mat, Side};
 use krylux::analysis::segment::segment;
 use krylux::analysis::{
-    Capture, Cut, CutMatrix, Graph, MASKED, SegmentOptions, Segmentation, adjusted_rand_index,
+    Capture, Coordinates, Cut, CutMatrix, Graph, MASKED, SegmentOptions, Segmentation, adjusted_rand_index,
 };
 use krylux::krylov::dot;
 use krylux::observer::{OnStep, Step};
@@ -346,9 +346,13 @@ fn a_capture_asked_at_every_photo_answers_as_one_of_so_many_photos() {
         // Other numbers of groups equal the groups of a capture that was made for them.
         let two = SegmentOptions { groups: vec![2], ..of_so_many };
         let alone = segment(&mut scene.clone(), &two).unwrap();
-        assert_eq!(capture.regrouped(&[2]).unwrap().labels, alone.labels, "{photos} photos");
+        assert_eq!(
+            capture.regrouped(&[2], Coordinates::Commute).unwrap().labels,
+            alone.labels,
+            "{photos} photos"
+        );
     }
-    let error = capture.regrouped(&[131]).unwrap_err().to_string();
+    let error = capture.regrouped(&[131], Coordinates::Commute).unwrap_err().to_string();
     assert!(error.starts_with("--groups"), "{error}");
 }
 

@@ -79,6 +79,9 @@ fn all_figures_run_and_their_verdicts_follow_from_the_numbers() {
             assert!(!cause.contains("proves nothing"), "{name}: {check}");
             assert_eq!(cause.is_empty(), is_met(check), "{name}: {check}");
         }
+        let named: std::collections::BTreeSet<&str> =
+            checks.iter().filter_map(|check| check["what"].as_str()).collect();
+        assert_eq!(named.len(), checks.len(), "{name}: two numbers have one name");
         let met = checks.iter().all(is_met);
         assert_eq!(figure["met"], met, "{name}");
         all_met &= met;

@@ -75,8 +75,8 @@ impl Default for CompensateOptions {
 
 impl CompensateOptions {
     /// MINRES and clamping as in section 8.3 of the paper, with the five photos of figure 11; GMRES if the operator is not `symmetric`, which
-    /// that section proposes. The paper sets negative values to zero. Here values above 1 are clamped, too. The preconditioners of section
-    /// 6.4 and the mapping of section 6.3 (`lift`) serve for no result there, and are left out.
+    /// that section names beside CGS. The paper sets negative values to zero. Here values above 1 are clamped, too. The section names neither
+    /// the preconditioners of section 6.4 nor the mapping of section 6.3 (`lift`), so they are left out.
     pub fn paper(symmetric: bool) -> Self {
         Self {
             method: if symmetric { Method::Minres } else { Method::Gmres },

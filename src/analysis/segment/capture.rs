@@ -4,7 +4,7 @@ use super::confirm::{Unseen, unseen};
 use super::cut_matrix::CutMatrix;
 use super::graph::Graph;
 use super::low_pass::low_pass;
-use super::options::{Cut, SegmentOptions};
+use super::options::{Coordinates, Cut, SegmentOptions};
 use super::regions::KEPT;
 use super::segmentation::Segmentation;
 use crate::analysis::low_rank::smooth_starts;
@@ -158,9 +158,10 @@ impl Capture {
         self.answer(&self.options)
     }
 
-    /// The segmentation for other numbers of groups. Fails as [`Capture::segmentation`] does, and with [`Error::Option`] naming `--groups`.
-    pub fn regrouped(&self, groups: &[usize]) -> Result<Segmentation> {
-        let options = SegmentOptions { groups: groups.to_vec(), ..self.options.clone() };
+    /// The segmentation for other numbers of groups and by other coordinates. Fails as [`Capture::segmentation`] does, and with
+    /// [`Error::Option`] naming `--groups`.
+    pub fn regrouped(&self, groups: &[usize], coordinates: Coordinates) -> Result<Segmentation> {
+        let options = SegmentOptions { groups: groups.to_vec(), coordinates, ..self.options.clone() };
         options.check()?;
         if let Some(graph) = &self.graph {
             check_enough(graph, groups)?;

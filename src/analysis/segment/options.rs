@@ -23,7 +23,7 @@ pub enum Cut {
 )]
 #[serde(rename_all = "lowercase")]
 pub enum Coordinates {
-    /// By how long light takes from pixel to pixel: entries in the eigenvectors divided by `√(1 − λ)`, and pixels weighted by their light
+    /// By commute times of a random walk along the light: entries in the eigenvectors over √(1 − λ), and pixels weighted by their light
     #[default]
     Commute,
     /// Entries in the eigenvectors as they are, all pixels with the same weight, as in Algorithm 2 of the paper (section 5.2)

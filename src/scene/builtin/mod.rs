@@ -220,15 +220,20 @@ pub fn sheet_behind_lined_sheet() -> Model {
 }
 
 /// A glossy white sheet that is bent about a vertical axis into a trough of 90°, 0.6 m wide, with its rims 0.8 m from the camera before the
-/// sheet is turned by 9° and leant by 6°. It has one specular spot, where it faces the camera. The sheet is region 0.
-pub fn glossy_sheet() -> Model {
+/// sheet is turned by 9° and leant by 6°. If it is smooth, it has one specular spot, where it faces the camera. A `roughness` of 1 leaves no
+/// gloss. The sheet is region 0.
+pub fn glossy_sheet(roughness: f32) -> Model {
     const SHEET: f64 = 0.88;
     let mut sheet = trough("glossy sheet", 0, [-0.3, 0.3], (0.8, 45.0), 48);
     let turn = DQuat::from_rotation_x(6.0_f64.to_radians()) * DQuat::from_rotation_y(9.0_f64.to_radians());
     for position in &mut sheet.positions {
         *position = (turn * (position.as_dvec3() + SHEET * DVec3::Z) - SHEET * DVec3::Z).as_vec3();
     }
-    let material = Material { roughness: 0.15, specular: 1.0, ..matte("glossy paper", Vec3::splat(0.8)) };
+    let material = Material {
+        roughness,
+        specular: if roughness < 1.0 { 1.0 } else { 0.0 },
+        ..matte("glossy paper", Vec3::splat(0.8))
+    };
     Model::along_z("glossy-sheet", vec![sheet], vec![material], (0.0, TAN_20_DEGREES))
 }
 

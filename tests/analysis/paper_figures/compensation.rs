@@ -50,7 +50,7 @@ fn five_photos_compensate_the_corner_with_and_without_a_box() {
 
 #[test]
 fn a_lifted_target_needs_fewer_negative_values_and_the_rest_is_clamped() {
-    // Section 6.3 of the paper proposes the mapping, which serves for no result there.
+    // Section 6.3 of the paper proposes the mapping.
     let paper = CompensateOptions {
         peak: Some(0.5 / std::f64::consts::PI),
         lift: 0.2,
