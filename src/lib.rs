@@ -98,7 +98,7 @@
 //! ```text
 //! cli       → paint, paper, verbs, lab, report, bench, analysis, cache, measure, rig, transport, render, scene, team, io, observer, finding, image, file, machine, error
 //! paint     → verbs, lab, report, analysis, transport, krylov, io, sparse, operator, image, error
-//! paper     → lab, report, analysis, calibrate, measure, rig, transport, scene, team, krylov, io, sparse, operator, observer, image, error
+//! paper     → lab, report, analysis, calibrate, measure, transport, scene, team, krylov, io, sparse, operator, observer, image, error
 //! verbs     → lab, report, bench, analysis, calibrate, measure, rig, transport, scene, krylov, io, sparse, operator, observer, finding, image, machine, error
 //! lab       → report, bench, analysis, calibrate, cache, measure, rig, transport, render, scene, gpu, team, krylov, io, sparse, operator, journal, observer, finding, image, file, machine, error
 //! report    → analysis, measure, krylov, io, finding, image, file, error

@@ -209,7 +209,9 @@ fn plain_coordinates_are_the_entries_of_the_eigenvectors_with_equal_weights() {
         assert_eq!(found.feature(pixel), entries);
         assert_eq!(found.weights[pixel], 1.0);
     }
-    assert!(folds.agreement(labels(&found, 2)) >= 0.97, "{}", folds.agreement(labels(&found, 2)));
+    // Dim pixels weigh as much as bright ones here, so that more of those at the rims are in the other group.
+    let agreement = folds.agreement(labels(&found, 2));
+    assert!((0.9..folds.agreement(labels(&scaled, 2))).contains(&agreement), "{agreement}");
 }
 
 #[test]
