@@ -22,7 +22,8 @@ class Figure:
         rig: ``"ideal"`` or ``"virtual"``: what took the photos.
         setting: Scene, pixels and photos.
         checks: Every measured number: ``what``, ``value``, ``bound`` (``"at least"``, ``"at most"``, ``"stated"``),
-            ``limit`` and ``met``.
+            ``limit``, ``met``, ``cause``, and ``wrong``, the name and the score of a wrong answer, which must miss the
+            bound, or ``None``.
         met: Whether every number keeps its bound.
         panels: The pictures: ``values`` ``float64[H, W]`` (``uint8[H, W]`` of labels, where 255 is masked), ``kind``
             (``"labels"``, ``"signed"``, ``"amounts"``, ``"light"``), ``caption`` with the unit, and ``white``, the
