@@ -16,6 +16,7 @@ class Asking:
         starts: int | None = None,
         eigenvectors: int = 10,
         cut: Literal["normalized", "average"] = "normalized",
+        coordinates: Literal["commute", "plain"] = "commute",
         mu: float = 0.0,
         keep_direct: bool = False,
         mask_below: float = 0.01,

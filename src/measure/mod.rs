@@ -54,6 +54,7 @@ pub(crate) mod spread;
 
 pub use calibration::{Calibration, CameraResponse, FlatField, Registration, Stability};
 pub use captures::{CaptureMap, Captures, is_captures};
+#[cfg(feature = "paper")]
 pub(crate) use direct::DirectPatterns;
 pub use direct::{checkerboard, code_patterns, shifted_checkerboards};
 pub use display::{bit_plane_amplification, bit_plane_weights};

@@ -230,7 +230,10 @@ fn number(check: &Check) -> Number {
         (false, _) => (bound, None),
         (true, true) => (format!("{bound}: met"), Some(Outcome::Good)),
         (true, false) => {
-            let missed = format!("{bound}: not met, by {}. {}", digits(check.shortfall()), check.cause());
+            let missed = match check.is_idle() {
+                true => format!("{bound}: counts as not met. {}", check.cause()),
+                false => format!("{bound}: not met, by {}. {}", digits(check.shortfall()), check.cause()),
+            };
             (missed, Some(Outcome::Short))
         }
     };
@@ -396,6 +399,13 @@ mod tests {
         assert_eq!(
             (met.outcome, met.wanted.as_str()),
             (Some(Outcome::Good), "at most 12 (random labels: ∞): met")
+        );
+        let idle = number(&Check::of("index").at_most(0.25, 0.9).refutes("random labels", 0.0));
+        assert!(
+            idle.outcome == Some(Outcome::Short)
+                && idle.wanted.contains("counts as not met. The bound proves"),
+            "{}",
+            idle.wanted
         );
         let stated = number(&Check::of("optimum, %").stated(4.2));
         assert_eq!((stated.outcome, stated.wanted.as_str()), (None, ""));
