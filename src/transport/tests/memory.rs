@@ -171,9 +171,10 @@ fn a_triangle_gives_contributions_back_while_the_tiles_grow() {
         let bound = bytes.given.max(tiles) + of_group + of_pixels;
         assert!(bound < bytes.given + tiles, "the bound tells something: {bound}, {bytes:?}, {tiles}");
         assert!(bytes.most <= bound, "{count} threads: {bytes:?} above {bound}; {tiles} of tiles");
-        // At the end, only the matrix and the sums over its rows are left. The queues of the thread pool may have grown or shrunk.
+        // At the end, only the matrix and the sums over its rows are left. The queues of the thread pool may have grown or shrunk, by 26 kB in
+        // one of thirty runs. Contributions that were kept would be 4.8 MB.
         let kept = tiles + size_of_val(&rows[..]);
-        assert!(bytes.left.abs_diff(kept) < SMALL / 4, "{bytes:?}, {kept}");
+        assert!(bytes.left.abs_diff(kept) < SMALL / 2, "{bytes:?}, {kept}");
     }
 }
 
