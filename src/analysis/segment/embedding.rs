@@ -78,6 +78,11 @@ impl Embedding {
         self.ranges.fill((f64::NEG_INFINITY, f64::INFINITY));
     }
 
+    /// Whether entries are clamped, so that sets of few pixels have no influence.
+    pub(super) fn is_clamped(&self) -> bool {
+        self.ranges.iter().any(|(low, high)| low.is_finite() || high.is_finite())
+    }
+
     /// Returns true if another vector (`m`, `uᵀ W u = 1`) with these weights is localized; see [`Embedding::is_local`].
     pub(super) fn would_be_local(vector: &[f64], weights: &[f64]) -> bool {
         within(vector, weights, range(vector, weights)) < LOCAL

@@ -2,7 +2,7 @@
 
 use super::Regions;
 use super::capture::Capture;
-use super::embedding::{Embedding, mean};
+use super::embedding::{Embedding, LEAST_SHARE, mean};
 use super::graph::Graph;
 use super::grouping::{confidence, divided};
 use super::options::{Coordinates, Cut, SegmentOptions};
@@ -79,8 +79,38 @@ impl Segmentation {
     }
 
     /// Checks whether light can have these eigenvalues: at most 1 in magnitude for `D^-½ G D^-½`, from 0 to twice the largest degree for
-    /// `D − G`.
+    /// `D − G`. For plain coordinates, also whether each group has the light of a region.
     pub fn findings(&self) -> Vec<Finding> {
+        let mut findings = self.of_eigenvalues();
+        if !self.embedding.is_clamped() && !self.labels.is_empty() {
+            findings.push(self.smallest_group());
+        }
+        findings
+    }
+
+    /// The light of the smallest group as a share of all light. Plain coordinates have large entries where an eigenvector is localized on a few
+    /// pixels, and k-means then makes these pixels a group of their own.
+    fn smallest_group(&self) -> Finding {
+        let all: f64 = self.degree.iter().sum();
+        let share = |(groups, labels): &(usize, Vec<u8>)| {
+            let mut light = vec![0.0; *groups];
+            for (&label, degree) in labels.iter().zip(&self.degree).filter(|(label, _)| **label != MASKED) {
+                light[usize::from(label)] += degree;
+            }
+            light.into_iter().fold(f64::INFINITY, f64::min) / all
+        };
+        let least = self.labels.iter().map(share).fold(f64::INFINITY, f64::min);
+        let grade = if least >= LEAST_SHARE { Grade::Ok } else { Grade::Fails };
+        Finding::graded(
+            "smallest group",
+            grade,
+            format!("the smallest group has {:.2} % of the light", 100.0 * least),
+            format!("at least {} %", 100.0 * LEAST_SHARE),
+            "a few pixels with an eigenvector of their own are not a region: `--coordinates commute` gives them no influence",
+        )
+    }
+
+    fn of_eigenvalues(&self) -> Vec<Finding> {
         let values = self.eigenvalues.iter().copied();
         // Each eigenvalue is converted to its distance from the middle of its range, relative to half of the range.
         let half = self.degree.iter().copied().fold(0.0, f64::max);

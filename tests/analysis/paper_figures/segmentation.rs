@@ -7,6 +7,7 @@ use krylux::analysis::separate::SeparateBy;
 use krylux::analysis::{
     Blurred, Coordinates, MASKED, SegmentOptions, Segmentation, WithoutDirect, adjusted_rand_index,
 };
+use krylux::finding::Grade;
 use krylux::image::{Blur, Resolution};
 use krylux::lab::Lab;
 use krylux::scene::{Scene, builtin};
@@ -212,6 +213,31 @@ fn plain_coordinates_are_the_entries_of_the_eigenvectors_with_equal_weights() {
     // Dim pixels weigh as much as bright ones here, so that more of those at the rims are in the other group.
     let agreement = folds.agreement(labels(&found, 2));
     assert!((0.9..folds.agreement(labels(&scaled, 2))).contains(&agreement), "{agreement}");
+    assert!(found.findings().iter().all(|finding| finding.grade == Grade::Ok), "{:?}", found.findings());
+}
+
+#[test]
+fn plain_groups_of_a_few_pixels_are_not_passed_off_as_regions() {
+    let carton = Traced::new(builtin::nine_cells(false).to_scene(), 64);
+    let asked = |coordinates| SegmentOptions {
+        photos: 50,
+        eigenvectors: 20,
+        groups: vec![9],
+        coordinates,
+        ..SegmentOptions::default()
+    };
+    for (coordinates, grade) in [(Coordinates::Plain, Grade::Fails), (Coordinates::Commute, Grade::Ok)] {
+        let found = segment(&mut carton.part(Part::Global), &asked(coordinates)).unwrap();
+        let agreement = carton.agreement(labels(&found, 9));
+        println!("{coordinates:?}: adjusted Rand index {agreement:.4}");
+        assert_eq!(
+            found.findings().iter().map(|finding| finding.grade).max(),
+            Some(grade),
+            "{:?}",
+            found.findings()
+        );
+        assert_eq!(agreement > 0.9, grade == Grade::Ok, "{agreement}");
+    }
 }
 
 #[test]
