@@ -107,7 +107,7 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
     let mut both = arrangements(bench, &stage, &exchanged)?;
     // The rig's counts for one unit of the matrix.
     let white = vec![1.0; stage.pixels()];
-    let unit = product(&mut *both, &white)?.iter().sum::<f64>() / stage.white().iter().sum::<f64>();
+    let unit = stage.reading(&product(&mut *both, &white)?);
     let options = SingularOptions {
         count: COUNT,
         products: PHOTOS,

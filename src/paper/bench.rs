@@ -336,6 +336,11 @@ impl Stage {
         self.photo(&vec![1.0; self.pixels()])
     }
 
+    /// The rig's reading for 1 W/(m² sr), from its photo of white.
+    pub(super) fn reading(&self, white: &[f64]) -> f64 {
+        white.iter().sum::<f64>() / self.white().iter().sum::<f64>()
+    }
+
     pub(super) fn white_panel(&self) -> Panel {
         let white = Content::Light { values: self.white(), white: None };
         self.panel("white", "The photo under white, W/(m² sr)", white)

@@ -7,8 +7,8 @@
 use super::bench::{Bench, Set};
 use super::check::Check;
 use super::figure::{Content, Figure, Plot, Points, Reproduced, counted};
-use super::random::{graph, make_orthonormal};
-use super::vectors::{add, conditions, product, spectrum_of_rows, unit};
+use super::random::graph;
+use super::vectors::{add, conditions, make_orthonormal, product, spectrum_of_rows, unit};
 use crate::analysis::segment::{Cut, CutMatrix, Graph};
 use crate::error::Result;
 use crate::krylov::{EigsOptions, Factorization, Start, dot, eigs};

@@ -38,7 +38,7 @@ impl<'a> TargetLight<'a> {
         let picture: Vec<f64> = picture(stage.resolution.width).into_iter().map(lifted).collect();
         let white = product(operator, &vec![1.0; picture.len()])?;
         let mut truth = stage.white();
-        let unit = white.iter().sum::<f64>() / truth.iter().sum::<f64>();
+        let unit = stage.reading(&white);
         truth.sort_by(f64::total_cmp);
         let peak = 0.5 * truth.get(truth.len() / 2).copied().unwrap_or(0.0);
         let light = picture.iter().map(|value| peak * value).collect();

@@ -10,7 +10,7 @@ use super::bench::{Bench, Set};
 use super::check::Check;
 use super::contest::{Contest, MethodRun, TargetLight, at_equal_costs, frames_taken, percent};
 use super::figure::{Figure, Plot, Points, Reproduced, Strip, counted, good_from};
-use super::vectors::{add, norm_of_rest};
+use super::vectors::{add, largest_outside};
 use crate::error::Result;
 use crate::krylov::{Method, Start};
 use crate::operator::Product;
@@ -224,15 +224,9 @@ pub(super) fn fig10(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// The largest relative norm of a pattern outside the span of `start` and of the patterns and photos before it.
+/// The largest part of a pattern outside the span of `start` and of the patterns and photos before it.
 fn outside(start: &[f64], shots: &[Product]) -> f64 {
-    let mut known = vec![start.to_vec()];
-    let mut most = 0.0_f64;
-    for shot in shots {
-        most = most.max(norm_of_rest(&shot.from, &known));
-        known.extend([shot.from.clone(), shot.to.clone()]);
-    }
-    most
+    largest_outside(vec![start.to_vec()], shots.iter().map(|shot| [shot.from.clone(), shot.to.clone()]))
 }
 
 /// The combination of the patterns whose photos, as they were taken, combine best to `wanted`.

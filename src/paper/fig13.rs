@@ -29,7 +29,8 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let off = |photo: &[f64]| norm(&minus(photo, &truth)) / norm(&truth);
 
     let photos = &mut bench.photos(&stage, Part::Full)?;
-    let unit = unit_of(photos, &stage)?;
+    let white = vec![1.0; stage.pixels()];
+    let unit = stage.reading(&product(photos, &white)?);
     let mut take = |planes: u32| summed(photos, &planes_of(&pattern, planes), unit);
     let (plain, decomposed) = (take(1)?, take(PLANES)?);
     let mut bright = Points::new();
@@ -48,7 +49,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     ];
     let mut lines = vec![("bright", bright)];
     if bench.rig() == Rig::Virtual {
-        let dim = Dim::of(bench, &stage, &pattern, &off)?;
+        let dim = Dim::of(bench, &stage, (&pattern, unit), &off)?;
         let rise = |curve: &Points| {
             let least = curve.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
             curve.last().map_or(f64::NAN, |(_, error)| error / least)
@@ -88,10 +89,14 @@ struct Dim {
 }
 
 impl Dim {
-    fn of(bench: &mut Bench, stage: &Stage, pattern: &[f64], off: &dyn Fn(&[f64]) -> f64) -> Result<Self> {
+    fn of(
+        bench: &mut Bench,
+        stage: &Stage,
+        (pattern, unit): (&[f64], f64),
+        off: &dyn Fn(&[f64]) -> f64,
+    ) -> Result<Self> {
         let mut curve = Points::new();
         let (mut last_over_first, mut unweighted) = (f64::NAN, f64::NAN);
-        let unit = unit_of(&mut bench.photos(stage, Part::Full)?, stage)?;
         for planes in 1..=MOST {
             let photos = &mut bench.photos_exposed(stage, DIM / f64::from(planes))?;
             let frames = planes_of(pattern, planes);
@@ -107,12 +112,6 @@ impl Dim {
         }
         Ok(Self { curve, last_over_first, unweighted })
     }
-}
-
-/// The rig's reading for 1 W/(m² sr), from the white photo.
-fn unit_of(photos: &mut dyn Operator, stage: &Stage) -> Result<f64> {
-    let white = product(photos, &vec![1.0; stage.pixels()])?;
-    Ok(white.iter().sum::<f64>() / stage.white().iter().sum::<f64>())
 }
 
 /// The binary frames of `pattern` (values in [0, 1]) and their weights: each frame but the last has the pixels whose remainder is at least

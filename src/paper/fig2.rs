@@ -46,7 +46,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let devices = "Without the devices, on the matrix itself,";
     let highlight = brightest(&stage.white());
     let far = |pattern: &[f64]| distance(stage.resolution, brightest(pattern), highlight);
-    let lowest = |pattern: &[f64]| pattern.iter().copied().fold(0.0, f64::min) / norm_of_largest(pattern);
+    let lowest = |pattern: &[f64]| pattern.iter().copied().fold(0.0, f64::min) / largest(pattern);
     let matte = bench.stage(Set::MatteSheet, bench.side(SIDE))?;
     let checks = vec![
         Check::of(format!(
@@ -176,7 +176,7 @@ fn distance(resolution: Resolution, a: usize, b: usize) -> f64 {
 }
 
 /// The largest absolute entry.
-fn norm_of_largest(pattern: &[f64]) -> f64 {
+fn largest(pattern: &[f64]) -> f64 {
     pattern.iter().fold(0.0, |most: f64, value| most.max(value.abs()))
 }
 

@@ -8,7 +8,7 @@ use super::bench::{Bench, Set, Stage};
 use super::check::Check;
 use super::figure::{Content, Figure, Panel, Plot, Points, Reproduced, counted};
 use super::random::graph;
-use super::vectors::{add, dot, norm_of_rest, overlap, product, unit};
+use super::vectors::{add, dot, outside, overlap, product, unit};
 use crate::analysis::segment::{Cut, CutMatrix, Graph};
 use crate::error::Result;
 use crate::krylov::Start;
@@ -57,13 +57,13 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         .collect();
     checks.extend([
         Check::of("part of the last photos outside the two principal eigenvectors, the largest")
-            .at_most((0..runs.len()).map(|run| norm_of_rest(last(run), &sheets)).fold(0.0, f64::max), 0.05)
-            .refutes("the first pattern of random signs", norm_of_rest(&starts[2].1, &sheets)),
+            .at_most((0..runs.len()).map(|run| outside(last(run), &sheets)).fold(0.0, f64::max), 0.05)
+            .refutes("the first pattern of random signs", outside(&starts[2].1, &sheets)),
         Check::of("overlap of the last photos from white and from random signs")
             .stated(overlap(last(0), last(2))),
     ]);
     let lines = starts.iter().enumerate().map(|(run, (name, _))| {
-        let apart = runs[run].iter().map(|x| norm_of_rest(x, &sheets)).collect::<Vec<_>>();
+        let apart = runs[run].iter().map(|x| outside(x, &sheets)).collect::<Vec<_>>();
         (*name, counted(&apart))
     });
     let lines: Vec<(&str, Points)> = lines.collect();

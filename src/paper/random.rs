@@ -9,7 +9,7 @@ use super::bench::{Bench, Set};
 use super::check::Check;
 use super::contest::{MethodRun, TargetLight, clamped, over_frames, percent};
 use super::figure::{Content, Figure, Panel, Plot, Points, Reproduced, counted, good_from};
-use super::vectors::{add, overlap, product, spectrum_of_rows, unit};
+use super::vectors::{add, make_orthonormal, overlap, product, spectrum_of_rows, unit};
 use crate::analysis::low_rank::smooth_starts;
 use crate::analysis::segment::{Cut, CutMatrix, Graph};
 use crate::error::Result;
@@ -201,26 +201,6 @@ fn sketch(global: &mut dyn Operator, graph: &Graph, patterns: &[Vec<f64>]) -> Re
         found.push((2.0 * products.len() as f64, graph.scatter(&vector, 0.0)));
     }
     Ok(found)
-}
-
-/// Makes the first vector of `pair` orthogonal to the first vector of each pair in `known`, which must be orthonormal, and scales it to
-/// norm 1. The second vector is a linear function of the first, and changes in the same way. Returns the norm of the first vector before it
-/// is scaled. If this norm is 0, nothing is scaled.
-pub(super) fn make_orthonormal(pair: &mut [Vec<f64>; 2], known: &[[Vec<f64>; 2]]) -> f64 {
-    let [vector, image] = pair;
-    // A second pass is necessary, because rounding leaves some of the basis after the first pass.
-    for _ in 0..2 {
-        for [of, image_of] in known {
-            let share = dot(of, vector);
-            add(vector, -share, of);
-            add(image, -share, image_of);
-        }
-    }
-    let left = norm(vector);
-    if left > 0.0 {
-        vector.iter_mut().chain(image).for_each(|value| *value /= left);
-    }
-    left
 }
 
 /// The least-squares combination of `patterns` after each photo.

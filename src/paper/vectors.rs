@@ -25,27 +25,56 @@ pub(super) fn unit(mut vector: Vec<f64>) -> Vec<f64> {
     vector
 }
 
-/// The norm of the part of a vector that is orthogonal to all `known` vectors, relative to the vector.
-pub(super) fn norm_of_rest(vector: &[f64], known: &[Vec<f64>]) -> f64 {
-    let mut basis: Vec<Vec<f64>> = Vec::new();
+/// Makes the first vector of `pair` orthogonal to the first vector of each pair in `known`, which must be orthonormal, and scales it to
+/// norm 1. The second vector is a linear function of the first, and changes in the same way. Returns the norm of the first vector before it
+/// is scaled. If this norm is 0, nothing is scaled.
+pub(super) fn make_orthonormal(pair: &mut [Vec<f64>; 2], known: &[[Vec<f64>; 2]]) -> f64 {
+    let [vector, image] = pair;
     // A second pass is necessary, because rounding leaves some of the basis after the first pass.
-    let project = |vector: &mut Vec<f64>, basis: &[Vec<f64>]| {
-        for of in [basis, basis].into_iter().flatten() {
+    for _ in 0..2 {
+        for [of, image_of] in known {
             let share = dot(of, vector);
             add(vector, -share, of);
-        }
-    };
-    for of in known {
-        let (mut rest, before) = (of.clone(), norm(of));
-        project(&mut rest, &basis);
-        // A vector that depends on those before leaves only rounding errors.
-        if norm(&rest) > 1e-12 * before {
-            basis.push(unit(rest));
+            add(image, -share, image_of);
         }
     }
-    let mut rest = vector.to_vec();
-    project(&mut rest, &basis);
-    norm(&rest) / norm(vector)
+    let left = norm(vector);
+    if left > 0.0 {
+        vector.iter_mut().chain(image).for_each(|value| *value /= left);
+    }
+    left
+}
+
+/// The largest relative norm of a pattern outside the span of `known`, and of the patterns and images of the pairs before it.
+pub(super) fn largest_outside(known: Vec<Vec<f64>>, pairs: impl IntoIterator<Item = [Vec<f64>; 2]>) -> f64 {
+    let mut basis = Vec::new();
+    known.into_iter().for_each(|vector| extend(&mut basis, vector));
+    let mut most = 0.0_f64;
+    for [pattern, image] in pairs {
+        most = most.max(norm_of_rest(&pattern, &basis));
+        extend(&mut basis, pattern);
+        extend(&mut basis, image);
+    }
+    most
+}
+
+/// Adds a vector to an orthonormal basis, unless it depends on the basis and leaves only rounding errors.
+fn extend(basis: &mut Vec<[Vec<f64>; 2]>, vector: Vec<f64>) {
+    let before = norm(&vector);
+    let mut pair = [vector, Vec::new()];
+    if make_orthonormal(&mut pair, basis) > 1e-12 * before {
+        basis.push(pair);
+    }
+}
+
+/// The norm of the part of a vector that is orthogonal to an orthonormal basis, relative to the vector.
+fn norm_of_rest(vector: &[f64], basis: &[[Vec<f64>; 2]]) -> f64 {
+    make_orthonormal(&mut [vector.to_vec(), Vec::new()], basis) / norm(vector)
+}
+
+/// The norm of the part of a vector outside the span of `known`, relative to the vector.
+pub(super) fn outside(vector: &[f64], known: &[Vec<f64>]) -> f64 {
+    largest_outside(known.to_vec(), [[vector.to_vec(), Vec::new()]])
 }
 
 /// `|xᵀ y| / (‖x‖ ‖y‖)`, the absolute cosine of the angle between two vectors.
