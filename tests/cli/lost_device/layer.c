@@ -13,7 +13,8 @@ typedef struct Info { int type; struct Info *next; int function; Link *link; } I
 typedef struct Create { int type; Info *next; } Create;
 
 static GetProc next_instance, next_device;
-static Fn next_submit, next_wait, next_value, next_idle, next_allocate;
+static Fn next_submit, next_wait, next_value, next_idle, next_all_idle, next_allocate;
+static void *opened;
 static int calls, lost;
 
 enum { LOST = -4, NO_MEMORY = -2 };
@@ -31,8 +32,12 @@ static int counts(void) {
   return at && atoi(at) == number;
 }
 
+/* A device that is lost writes to no memory any more, and its user may free it: the real device, which is not lost, is waited for. */
 static int is_lost(void) {
-  if (is_kind("work") && counts()) lost = 1;
+  if (is_kind("work") && counts()) {
+    lost = 1;
+    ((int (*)(void *))next_all_idle)(opened);
+  }
   return lost;
 }
 
@@ -80,7 +85,9 @@ static int create_device(void *physical, Create *create, const void *allocator, 
   next_value = next_device(*device, "vkGetSemaphoreCounterValue");
   if (!next_value) next_value = next_device(*device, "vkGetSemaphoreCounterValueKHR");
   next_idle = next_device(*device, "vkQueueWaitIdle");
+  next_all_idle = next_device(*device, "vkDeviceWaitIdle");
   next_allocate = next_device(*device, "vkAllocateMemory");
+  opened = *device;
   return 0;
 }
 
