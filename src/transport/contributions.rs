@@ -271,9 +271,9 @@ impl<const C: usize> Share<C> {
     }
 
     /// The contributions of a batch with all paths of a coaxial rig.
-    pub(super) fn of_batch(batch: &Batch<'_>, rig: RigShape, split: bool) -> Self {
-        let mut growing = GrowingShare::new(batch.samples(), &(0..rig.camera.pixels()), split, None);
-        growing.add(batch);
+    pub(super) fn of_batches(batches: &[Batch<'_>], rig: RigShape, (samples, split): (u32, bool)) -> Self {
+        let mut growing = GrowingShare::new(samples, &(0..rig.camera.pixels()), split, None);
+        batches.iter().for_each(|batch| growing.add(batch));
         growing.close(rig.symmetric, TraceSummary::default())
     }
 

@@ -210,8 +210,8 @@ impl Kernel {
     ) -> Result<Step> {
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let uniform = gpu.buffer("parameters of assembly", size_of::<Assembly>() as u64, usage)?;
-        gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(parameters));
         let group = gpu.guarded("bindings of assembly", || {
+            gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(parameters));
             let buffers = std::iter::once(&uniform).chain(buffers.iter().copied());
             gpu.bind("assembly", &self.layout, buffers.map(wgpu::Buffer::as_entire_binding))
         })?;
@@ -229,9 +229,11 @@ pub(super) struct Step {
 
 impl Step {
     /// Changes the parameters and the number of workgroups, for dispatches that are submitted from now on.
-    pub(super) fn change(&mut self, gpu: &Gpu, parameters: &Assembly, groups: u32) {
-        gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(parameters));
+    pub(super) fn change(&mut self, gpu: &Gpu, parameters: &Assembly, groups: u32) -> Result<()> {
         self.groups = grid(groups);
+        gpu.guarded("parameters of assembly", || {
+            gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(parameters));
+        })
     }
 
     /// Records dispatches one after the other.

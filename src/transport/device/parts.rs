@@ -270,7 +270,7 @@ impl Consumer for Parts {
             mark: of.mark,
             ..base
         };
-        arena.step.change(gpu, &parameters, parts);
+        arena.step.change(gpu, &parameters, parts)?;
         arena.parts.end = first + parts;
         arena.in_flight.push_back(most);
         let slot =

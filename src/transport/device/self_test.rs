@@ -23,7 +23,12 @@ pub(super) fn require_working(gpu: &Gpu, channels: Channels) -> Result<()> {
         let limits = Limits::of(gpu, channels.count());
         // Rows that are longer than workgroup memory, in several bands.
         let small = Limits { arena: 1 << 12, entries: 1 << 13, ..limits };
-        for (known, limits) in [(Known::new(channels), limits), (Known::with_long_rows(channels), small)] {
+        let all = [
+            (Known::new(channels), limits),
+            (Known::with_long_rows(channels), small),
+            (Known::new(channels).with_projector(Resolution::new(5, 11)), small),
+        ];
+        for (known, limits) in all {
             let [device, host] = known.assembled(gpu, limits)?;
             if difference(&device, &host)?.is_some() {
                 return Ok(false);
@@ -38,8 +43,9 @@ pub(super) fn require_working(gpu: &Gpu, channels: Channels) -> Result<()> {
 pub(super) struct Known {
     pub(super) channels: Channels,
     pub(super) split: bool,
+    /// The layout of the records of the camera's paths.
     pub(super) layout: RecordLayout,
-    pub(super) resolution: Resolution,
+    pub(super) rig: RigShape,
     /// How many connections there are to each that is not seen.
     pub(super) seen: u32,
     pub(super) seed: u64,
@@ -58,34 +64,49 @@ impl Known {
             symmetric: true,
             from_camera: true,
         };
-        Self { channels, split: true, layout, resolution: Resolution::new(19, 7), seen: 2, seed: 1 }
+        Self { channels, split: true, layout, rig: coaxial(Resolution::new(19, 7)), seen: 2, seed: 1 }
     }
 
     /// Each of a few pixels has more than a thousand terms.
     pub(super) fn with_long_rows(channels: Channels) -> Self {
         let known = Self::new(channels);
         let layout = RecordLayout { samples: 1200, ..known.layout };
-        Self { layout, resolution: Resolution::new(10, 2), ..known }
+        Self { layout, rig: coaxial(Resolution::new(10, 2)), ..known }
     }
 
-    fn records(&self) -> Vec<[u32; 4]> {
-        let (layout, mut random) = (self.layout, Pcg64::seed_from_u64(self.seed));
-        let pixels = self.resolution.pixels() as u32;
-        let paths = (pixels * layout.samples) as usize;
+    /// The same for a rig whose projector stands apart and has this resolution.
+    pub(super) fn with_projector(self, projector: Resolution) -> Self {
+        let layout = RecordLayout { direct: false, symmetric: false, ..self.layout };
+        Self { layout, rig: RigShape { projector, symmetric: false, ..self.rig }, ..self }
+    }
+
+    /// The layouts of the records of all paths, with the numbers of pixels at which paths of a layout start and end.
+    fn layouts(&self) -> Vec<(RecordLayout, [usize; 2])> {
+        let [camera, projector] = [self.rig.camera, self.rig.projector].map(Resolution::pixels);
+        let mut layouts = vec![(self.layout, [camera, projector])];
+        if !self.rig.symmetric {
+            let from_projector = RecordLayout { ambient: false, from_camera: false, ..self.layout };
+            layouts.push((from_projector, [projector, camera]));
+        }
+        layouts
+    }
+
+    fn records(&self, layout: RecordLayout, [starts, ends]: [usize; 2], random: &mut Pcg64) -> Vec<[u32; 4]> {
+        let paths = starts * layout.samples as usize;
         let mut records = vec![[u32::MAX, 0, 0, 0]; layout.stride() * paths];
         let light = |random: &mut Pcg64| random.random_range(0.0..2.0_f32).to_bits();
         for path in 0..paths {
             let surfaces = random.random_range(0..=layout.max_bounces);
             let rays = random.random_range(1..20_u32);
-            let direct = if layout.direct { light(&mut random) } else { 0 };
+            let direct = if layout.direct { light(random) } else { 0 };
             records[path] = [MARK | rays << 8 | surfaces, direct, 0, direct];
             for slot in 1..layout.stride() {
                 let is_ambient = layout.ambient && slot == layout.stride() - 1;
                 if is_ambient || random.random_range(0..=self.seen) > 0 {
                     // Some surfaces of the other end's chain, in a gathered connection.
                     let chain = u32::from(slot >= layout.gathered(2) && !is_ambient) << 28;
-                    let head = if is_ambient { MARK } else { random.random_range(0..pixels) | chain };
-                    records[slot * paths + path] = [head, light(&mut random), light(&mut random), 0];
+                    let head = if is_ambient { MARK } else { random.random_range(0..ends as u32) | chain };
+                    records[slot * paths + path] = [head, light(random), light(random), 0];
                 }
             }
         }
@@ -94,36 +115,50 @@ impl Known {
 
     /// The matrix of these records, as the device and as the host assemble it.
     pub(super) fn assembled(&self, gpu: &Gpu, limits: Limits) -> Result<[Assembled; 2]> {
-        let records = self.records();
-        let rig = RigShape { camera: self.resolution, projector: self.resolution, symmetric: true };
-        let of = (self.layout.samples, self.split);
-        let assembly = Assembling::new(gpu, rig, self.channels, of, &[self.layout], limits)?;
+        let (rig, of) = (self.rig, (self.layout.samples, self.split));
+        let mut random = Pcg64::seed_from_u64(self.seed);
+        let all: Vec<(RecordLayout, Vec<[u32; 4]>)> = self
+            .layouts()
+            .into_iter()
+            .map(|(layout, pixels)| (layout, self.records(layout, pixels, &mut random)))
+            .collect();
+        let layouts: Vec<RecordLayout> = all.iter().map(|(layout, _)| *layout).collect();
+        let assembly = Assembling::new(gpu, rig, self.channels, of, &layouts, limits)?;
         let mut parts = assembly.parts()?;
-        let buffer = gpu.storage("known records", &records)?;
-        let paths = (records.len() / self.layout.stride()) as u32;
-        parts.begin(gpu, &self.layout, u64::from(paths), &buffer)?;
-        parts.prepare(gpu, &ResidentPaths { first_path: 0, paths, mark: MARK })?;
-        let submission = gpu.guarded("self-test", || {
-            let mut encoder = gpu.encoder();
-            parts.record(gpu, &mut encoder);
-            gpu.queue.submit([encoder.finish()])
-        })?;
-        parts.submitted(&submission);
-        parts.finished(gpu)?;
+        for (layout, records) in &all {
+            let buffer = gpu.storage("known records", records)?;
+            let paths = (records.len() / layout.stride()) as u32;
+            parts.begin(gpu, layout, u64::from(paths), &buffer)?;
+            parts.prepare(gpu, &ResidentPaths { first_path: 0, paths, mark: MARK })?;
+            let submission = gpu.guarded("self-test", || {
+                let mut encoder = gpu.encoder();
+                parts.record(gpu, &mut encoder);
+                gpu.queue.submit([encoder.finish()])
+            })?;
+            parts.submitted(&submission);
+            parts.finished(gpu)?;
+        }
         let made = assembly.finish(&parts)?;
-        let summary = TraceSummary { rays: made.rays, paths: u64::from(paths), ..TraceSummary::default() };
-        let device = Assembled { summary, ..made.assembled };
-        let batch = Batch::new(0, self.layout, &records);
+        let device = Assembled {
+            summary: TraceSummary { rays: made.rays, ..TraceSummary::default() },
+            ..made.assembled
+        };
+        let batches: Vec<Batch<'_>> =
+            all.iter().map(|(layout, records)| Batch::new(0, *layout, records)).collect();
         let host = match self.channels {
             Channels::Luma => {
-                of_share(Share::<1>::of_batch(&batch, rig, self.split), rig, self.channels, self.split)
+                of_share(Share::<1>::of_batches(&batches, rig, of), rig, self.channels, self.split)
             }
             Channels::Rgb => {
-                of_share(Share::<3>::of_batch(&batch, rig, self.split), rig, self.channels, self.split)
+                of_share(Share::<3>::of_batches(&batches, rig, of), rig, self.channels, self.split)
             }
         };
         Ok([device, host?])
     }
+}
+
+fn coaxial(resolution: Resolution) -> RigShape {
+    RigShape { camera: resolution, projector: resolution, symmetric: true }
 }
 
 /// In what the device's matrix differs from the host's by more than rounding; `None` if in nothing.

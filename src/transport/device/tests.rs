@@ -24,6 +24,8 @@ fn the_self_test_passes() {
     for channels in [Channels::Luma, Channels::Rgb] {
         assert_eq!(compared(&Known::new(channels), limits(channels)), None);
         assert_eq!(compared(&Known::with_long_rows(channels), limits(channels)), None);
+        let apart = Known::new(channels).with_projector(Resolution::new(5, 11));
+        assert_eq!(compared(&apart, limits(channels)), None);
         assert!(self_test::require_working(&gpu(), channels).is_ok());
     }
 }
@@ -68,13 +70,18 @@ proptest! {
     #[test]
     fn a_matrix_of_any_records_is_that_of_the_host(
         seed in any::<u64>(), samples in 1_u32..90, side in 1_usize..14, max_bounces in 1_u32..9,
-        [direct, gathers, ambient, split, colour, packs] in any::<[bool; 6]>(),
+        [direct, gathers, ambient, split, colour, packs, apart] in any::<[bool; 7]>(),
         seen in 0_u32..4, arena in 1_u64..5000, entries in 1_usize..20_000,
     ) {
         let channels = if colour { Channels::Rgb } else { Channels::Luma };
         let mut known = Known::new(channels);
         let layout = RecordLayout { samples, max_bounces, direct, gathers, ambient, ..known.layout };
-        known = Known { layout, split, resolution: Resolution::new(side, side + 2), seen, seed, ..known };
+        let camera = Resolution::new(side, side + 2);
+        let rig = RigShape { camera, projector: camera, symmetric: true };
+        known = Known { layout, split, rig, seen, seed, ..known };
+        if apart {
+            known = known.with_projector(Resolution::new(side + 1, 3));
+        }
         let limits = Limits { arena, entries, packs };
         prop_assert_eq!(compared(&known, limits), None);
     }
