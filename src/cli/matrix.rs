@@ -8,12 +8,13 @@ use clap::Subcommand;
 use super::Outcome;
 use super::console::Console;
 use super::opening::{Opening, in_journal, tell};
-use super::options::{KeepArgs, ViewArgs, free_file};
+use super::options::{KeepArgs, OperatorArgs, ViewArgs, free_file};
 use super::tev::LiveArgs;
 use super::trace::{CacheArgs, TraceArgs};
 use crate::error::Result;
 use crate::io::sparse;
 use crate::lab::SharedObserver;
+use crate::transport::Backend;
 use crate::verbs::matrix::{JoinShards, WriteMatrix};
 
 /// Write the light transport matrix as a sparse matrix: a scene's is traced once, a rig's photographed pixel by pixel
@@ -30,6 +31,10 @@ pub(super) struct Args {
     view: ViewArgs,
     #[command(flatten)]
     trace: TraceArgs,
+    /// Where a scene's matrix is assembled (the same, to the rounding of sums); auto: on a GPU that has f64 and room for it, else on the processor,
+    /// where it has the bits of joined shards
+    #[arg(long, value_name = "PRODUCTS", value_enum, default_value = "auto")]
+    products: Backend,
     #[command(flatten)]
     request: WriteMatrix,
     #[command(flatten)]
@@ -69,11 +74,12 @@ fn checked(named: Option<&PathBuf>) -> Result<PathBuf> {
 
 fn write_matrix(args: &Args, source: &Path, console: &Console) -> Result<Outcome> {
     let request = &args.request;
+    let operator = OperatorArgs { backend: args.products, ..OperatorArgs::default() };
     let opening = Opening {
         source,
         view: &args.view,
         trace: &args.trace,
-        operator: None,
+        operator: Some(&operator),
         channels: request.channels.into(),
         split_bounces: request.split_bounces,
     };

@@ -31,22 +31,27 @@ fn eigenvalues_are_the_same_wherever_products_are_taken() {
     let folder = TempDir::new().expect("a temporary folder can be made");
     let scene = scene_path("cornell").display().to_string();
     let eigs = ["eigs", &scene, "--size", "24", "--spp", "16", "--count", "4", "--photos", "100"];
-    let mut found = Vec::new();
+    let (mut found, mut is_gpu) = (Vec::new(), false);
     for (place, on) in [("cpu", "cpu"), ("auto", "cpu"), ("device", "device"), ("device", "device")] {
         let run = folder.path().join(found.len().to_string()).display().to_string();
         let (summary, record) = run_in(&run, &[eigs.as_slice(), &["--products", place]].concat());
-        // The tests run on software Vulkan, which is no GPU.
+        // A GPU would not gain by so small a matrix.
         assert_eq!(record["products"], on, "{place}");
         assert_eq!(numbers(&summary["eigenvalues"]).len(), 4);
         // The summary has no digits beyond the errors.
         let values = npy::read_npy(&Path::new(&run).join("eigenvalues.npy")).expect("it is written");
         found.push(values.values);
+        is_gpu = !record["adapter"]["name"].as_str().is_some_and(|name| name.contains("llvmpipe"));
     }
     assert!(found[0].len() == 4 && found[0][3] > 0.0, "{found:?}");
-    assert!(found[0] == found[1] && found[2] == found[3], "{found:?}");
-    for (cpu, device) in found[0].iter().zip(&found[2]) {
-        // Sums are rounded at 1e-16 of their magnitude, and converged eigenvalues of a symmetric matrix move by no more than it does.
-        assert!((cpu - device).abs() <= 1e-10 * cpu.abs(), "{cpu} and {device}");
+    assert!((is_gpu || found[0] == found[1]) && found[2] == found[3], "{found:?}");
+    // Converged eigenvalues of a symmetric matrix move by no more than it does. Sums are rounded at 1e-16 of their magnitude, and the entries
+    // of a matrix that a GPU has assembled to single precision.
+    let bound = if is_gpu { 1e-6 } else { 1e-10 };
+    for others in &found[1..] {
+        for (cpu, other) in found[0].iter().zip(others) {
+            assert!((cpu - other).abs() <= bound * cpu.abs(), "{cpu} and {other}");
+        }
     }
 }
 

@@ -65,12 +65,18 @@ impl Bench {
         self.run(&[&["matrix", "join"], shards, &["-o", &path]].concat())
     }
 
-    /// The matrix of one run, which leaves nothing in the cache.
+    /// The matrix of one run on the processor, which leaves nothing in the cache.
     #[track_caller]
     fn whole(&self, name: &str, more: &[&str]) {
         let path = self.path(name);
         self.says(
-            &[&["matrix", &self.scene], &self.options[..], more, &["--no-cache", "-o", &path]].concat(),
+            &[
+                &["matrix", &self.scene],
+                &self.options[..],
+                more,
+                &["--products", "cpu", "--no-cache", "-o", &path],
+            ]
+            .concat(),
         );
     }
 }

@@ -131,6 +131,10 @@ fn a_device_without_memory_is_an_error_that_says_what_needs_less() {
     assert!(output.status.success() && calls > 1, "{calls} allocations: {}", text(&output.stderr));
     for at in 1..=calls {
         let (output, _) = lose(at, at);
+        // Where a GPU has no memory to assemble the matrix, the processor does.
+        if output.status.success() && text(&output.stderr).contains("no memory of ") {
+            continue;
+        }
         let message = program::assert_error(&output, &["emory", "--adapter"]);
         // The first allocation opens the device.
         assert!(at == 1 || (message.contains("MiB") && message.contains("--size")), "{message}");
