@@ -71,7 +71,7 @@ impl Answer for Spot {
     }
 
     fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> krylux::Result<()> {
-        let figure = page.light("spot", &self.photo, exposure(&self.photo), "The photo of one lit pixel")?;
+        let figure = page.light("spot", &self.photo, exposure(&self.photo), "The photo of one lit pixel");
         page.section("Where the light goes", "", [Block::Figures(vec![figure])]);
         page.fact("Distance", format_args!("{:.1} px", self.distance));
         Ok(())

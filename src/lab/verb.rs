@@ -211,7 +211,7 @@ impl Lab {
             unit: self.unit().to_owned(),
             strip: Some(self.contact_sheet()),
             has_paint: has_option || run.path.join(PAINT).is_file(),
-            files: Files::of(&run.answer, &answer.content())?,
+            files: Files::of(&run.answer, answer.content()),
             facts: Vec::new(),
             sections: Vec::new(),
         };

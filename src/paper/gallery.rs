@@ -9,7 +9,6 @@ use serde::Serialize;
 use super::check::digits;
 use super::{Check, Content, Figure, Limit, Panel, Reproduced, Rig, Strip};
 use crate::error::{Error, Result};
-use crate::io::atomic;
 use crate::io::name::Name;
 use crate::io::raster::exposure;
 use crate::lab::RunFolder;
@@ -49,9 +48,9 @@ impl Gallery<'_> {
         }
         let json = serde_json::to_string_pretty(&self.summary())
             .map_err(|error| Error::Numerical(format!("figures.json: {error}")))?;
-        atomic::write_bytes(&files.path("figures.json"), format!("{json}\n").as_bytes())?;
+        files.text("figures.json", format!("{json}\n"));
         let table = markdown(self.made, self.quick, &named(&manifest.command));
-        atomic::write_bytes(&files.path("figures.md"), table.as_bytes())?;
+        files.text("figures.md", table);
         let photos = self.made.iter().map(|made| made.photos).sum();
         let report = Report {
             title: "The paper's figures, made again".into(),
@@ -62,8 +61,9 @@ impl Gallery<'_> {
             footer: manifest.command_line(),
             ..Report::default()
         };
-        report.write(&files.path("report.html"))?;
-        Ok(files.names)
+        let path = files.path("report.html");
+        let (written, page) = rayon::join(|| files.write(), || report.write(&path));
+        written.and(page).map(|()| files.names)
     }
 
     /// Writes the same files into the folder of an open run, with the photos and time of each figure. Returns the page. Fails as
@@ -165,8 +165,8 @@ fn section(figure: Figure, made: &[&Reproduced], files: &mut Files<'_>) -> Resul
         let mut figures = Vec::new();
         for panel in &made.panels {
             let picture = painted(panel)?;
-            let name = format!("{}-{}-{}.png", figure.name(), made.rig.name(), panel.name);
-            picture.picture.write_png(&files.path(&name))?;
+            let name = format!("{}-{}-{}", figure.name(), made.rig.name(), panel.name);
+            files.png(&name, picture.picture.clone());
             figures.push(picture);
         }
         if !figures.is_empty() {

@@ -1,7 +1,10 @@
 //! The parts that the pages and folders of all runs have in common.
 
-use std::fmt::Write;
+use std::borrow::Cow;
+use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
 
 use super::colormap::robust_range;
 use super::contact_sheet::ContactSheet;
@@ -14,6 +17,7 @@ use crate::error::Result;
 use crate::finding::{Finding, Grade, Ratio, merge, worst};
 use crate::image::{Image, Resolution};
 use crate::io::manifest::{Independent, ProductsOn};
+use crate::io::raster::Raster;
 use crate::io::{atomic, npy, picture};
 use crate::measure::{DirectBy, MeasureOptions, RigRecord, RunManifest};
 
@@ -65,21 +69,15 @@ impl AnswerPage<'_> {
         self.facts.push((name, value.to_string()));
     }
 
-    /// Writes a picture for people to `FILE.png`: enlarged, with the name and the legend of the figure.
-    pub fn picture(&mut self, file: &str, figure: Figure) -> Result<Figure> {
-        printed(&figure).write_png(&self.files.path(&format!("{file}.png")))?;
-        Ok(figure)
+    /// Adds a picture for people as the file `FILE.png`: enlarged, with the name and the legend of the figure.
+    pub fn picture(&mut self, file: &str, figure: Figure) -> Figure {
+        self.files.png(file, printed(&figure));
+        figure
     }
 
-    /// Writes light in all three formats, and gives the figure the name of the files. `scale` is the exposure of the `.png`.
-    pub fn light(
-        &mut self,
-        file: &str,
-        image: &Image,
-        scale: f32,
-        caption: impl Into<String>,
-    ) -> Result<Figure> {
-        self.files.image(file, image)?;
+    /// Adds files of light in all three formats, and gives the figure the name of the files. `scale` is the exposure of the `.png`.
+    pub fn light(&mut self, file: &str, image: &Image, scale: f32, caption: impl Into<String>) -> Figure {
+        self.files.image(file, Cow::Owned(image.clone()));
         let figure = figure::light(image, scale, &self.unit, caption);
         self.picture(file, figure.named(file, format!("{file}.npy")))
     }
@@ -100,7 +98,7 @@ impl AnswerPage<'_> {
         figure::signed(self.resolution, &error, robust_range(&error, None), &self.unit, caption)
     }
 
-    /// Writes the page, and returns the names of all files. The findings of the answer and of the run determine the colour of the page.
+    /// Writes the page and all files, and returns their names. The findings of the answer and of the run determine the colour of the page.
     pub(crate) fn finish(
         mut self,
         findings: Vec<Finding>,
@@ -132,8 +130,9 @@ impl AnswerPage<'_> {
             paint: if self.has_paint { PAINT.to_owned() } else { String::new() },
             footer: manifest.command_line(),
         };
-        page.write(&self.files.path("report.html"))?;
-        Ok(self.files.names)
+        let path = self.files.path("report.html");
+        let (files, page) = rayon::join(|| self.files.write(), || page.write(&path));
+        files.and(page).map(|()| self.files.names)
     }
 }
 
@@ -159,68 +158,88 @@ pub(crate) fn table(findings: &[Finding]) -> Block {
     Block::table(headers, findings.iter().map(row).collect(), "")
 }
 
-/// The files in a run's folder. Each request for a path adds the name of the file to the list.
-#[derive(Debug)]
+/// The files in a run's folder. They are written beside one another, by all cores, when all are known ([`Files::write`]).
 pub(crate) struct Files<'a> {
     pub(crate) folder: &'a Path,
     pub(crate) names: Vec<String>,
     /// Descriptions of some files, by name.
     about: Vec<(String, String)>,
+    /// The files that are not written yet.
+    waiting: Vec<Job<'a>>,
 }
+
+type Job<'a> = Box<dyn FnOnce() -> Result<()> + Send + 'a>;
 
 impl<'a> Files<'a> {
     pub(crate) fn new(folder: &'a Path) -> Self {
-        Self { folder, names: Vec::new(), about: Vec::new() }
+        Self { folder, names: Vec::new(), about: Vec::new(), waiting: Vec::new() }
     }
 
-    /// Writes the arrays of an answer, and begins the list of its files. Errors: [`crate::Error::Write`] naming the file.
-    pub(crate) fn of(folder: &'a Path, content: &Content<'_>) -> Result<Self> {
+    /// The arrays of an answer.
+    pub(crate) fn of(folder: &'a Path, content: Content<'a>) -> Self {
         let mut files = Self::new(folder);
-        for array in content.arrays.iter().filter(|array| array.is_saved) {
-            let (name, shape) = (array.file(), array.shape.as_slice());
-            match &array.values {
-                Values::F64(values) => files.array(&name, shape, values)?,
-                Values::F32(values) => files.array(&name, shape, values)?,
-                Values::U8(values) => files.array(&name, shape, values)?,
-                Values::Bool(values) => files.array(&name, shape, values)?,
-                Values::Rows(rows) => files.array(&name, shape, &rows.concat())?,
-                Values::Image(image) => files.image(&name, image)?,
+        for array in content.arrays.into_iter().filter(|array| array.is_saved) {
+            let name = array.file();
+            match array.values {
+                Values::F64(values) => files.array(&name, array.shape, || values),
+                Values::F32(values) => files.array(&name, array.shape, || values),
+                Values::U8(values) => files.array(&name, array.shape, || values),
+                Values::Bool(values) => files.array(&name, array.shape, || values),
+                Values::Rows(rows) => files.array(&name, array.shape, || Cow::Owned(rows.concat())),
+                Values::Image(image) => files.image(&name, Cow::Borrowed(image)),
             }
         }
-        Ok(files)
+        files
     }
 
+    /// Adds a file to the list.
     pub(crate) fn path(&mut self, name: &str) -> PathBuf {
         self.names.push(name.to_owned());
         self.folder.join(name)
     }
 
-    pub(crate) fn text(&mut self, name: &str, text: &str) -> Result<()> {
-        atomic::write_bytes(&self.path(name), text.as_bytes())
+    /// Adds a file that [`Files::write`] will write by `write`.
+    pub(crate) fn later(&mut self, name: &str, write: impl FnOnce(&Path) -> Result<()> + Send + 'a) {
+        let path = self.path(name);
+        self.waiting.push(Box::new(move || write(&path)));
     }
 
-    pub(crate) fn array<T: npyz::AutoSerialize>(
+    /// Adds a text.
+    pub(crate) fn text(&mut self, name: &str, text: String) {
+        self.later(name, move |path| atomic::write_bytes(path, text.as_bytes()));
+    }
+
+    fn array<T: npyz::AutoSerialize + Clone + 'static>(
         &mut self,
         name: &str,
-        shape: &[usize],
-        values: &[T],
-    ) -> Result<()> {
+        shape: Vec<usize>,
+        values: impl FnOnce() -> Cow<'a, [T]> + Send + 'a,
+    ) {
         let name = format!("{name}.npy");
-        self.about.push((name.clone(), format!("{}, {}", sizes(shape), element::<T>())));
-        npy::write_npy(&self.path(&name), shape, values)
+        self.about.push((name.clone(), format!("{}, {}", sizes(&shape), element::<T>())));
+        self.later(&name, move |path| npy::write_npy(path, &shape, &values()));
     }
 
-    pub(crate) fn image(&mut self, name: &str, image: &Image) -> Result<()> {
+    /// Adds an image as `NAME.npy` and `NAME.exr`.
+    pub(crate) fn image(&mut self, name: &str, image: Cow<'a, Image>) {
         let shape = shape(image.resolution(), image.channels());
-        self.about.push((format!("{name}.npy"), format!("{}, float32", sizes(&shape))));
-        ["npy", "exr"]
-            .into_iter()
-            .try_for_each(|extension| picture::write(&self.path(&format!("{name}.{extension}")), image))
+        let [npy, exr] = ["npy", "exr"].map(|extension| format!("{name}.{extension}"));
+        self.about.push((npy.clone(), format!("{}, float32", sizes(&shape))));
+        let copy = image.clone();
+        self.later(&npy, move |path| picture::write(path, &copy));
+        self.later(&exr, move |path| picture::write(path, &image));
     }
 
-    /// Writes the pixels of a picture, from which a program can read light or a pattern again.
-    pub(crate) fn picture(&mut self, name: &str, figure: &Figure) -> Result<()> {
-        figure.picture.write_png(&self.path(&format!("{name}.png")))
+    /// Adds a picture as `NAME.png`.
+    pub(crate) fn png(&mut self, name: &str, picture: Raster) {
+        self.later(&format!("{name}.png"), move |path| picture.write_png(path));
+    }
+
+    /// Writes all files that wait. Fails with the first error in the order of the files.
+    pub(crate) fn write(&mut self) -> Result<()> {
+        let written: Vec<Result<()>> =
+            std::mem::take(&mut self.waiting).into_par_iter().map(|job| job()).collect();
+        written.into_iter().collect()
     }
 
     /// Links to the files so far: first the files with the results, then the record of the run.
@@ -239,6 +258,15 @@ impl<'a> Files<'a> {
         };
         let record = FileLink::new("run.json", "the record of the run");
         names.into_iter().map(|name| FileLink::new(name, about(name))).chain([record]).collect()
+    }
+}
+
+impl fmt::Debug for Files<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Files")
+            .field("folder", &self.folder)
+            .field("names", &self.names)
+            .finish_non_exhaustive()
     }
 }
 

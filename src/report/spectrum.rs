@@ -69,10 +69,12 @@ pub(crate) fn layers(resolution: Resolution, vectors: &[Vec<f64>]) -> Result<Vec
     vectors.iter().enumerate().map(layer).collect()
 }
 
-/// Writes the layers to `eigenvectors.exr`.
-pub(crate) fn write_layers(page: &mut AnswerPage<'_>, layers: Vec<(String, Image)>) -> Result<()> {
-    let layers: Vec<(&str, &Image)> = layers.iter().map(|(name, image)| (name.as_str(), image)).collect();
-    exr::write_exr(&page.files.path("eigenvectors.exr"), &layers)
+/// Adds the layers as the file `eigenvectors.exr`.
+pub(crate) fn write_layers(page: &mut AnswerPage<'_>, layers: Vec<(String, Image)>) {
+    page.files.later("eigenvectors.exr", move |path| {
+        let layers: Vec<(&str, &Image)> = layers.iter().map(|(name, image)| (name.as_str(), image)).collect();
+        exr::write_exr(path, &layers)
+    });
 }
 
 /// A plane of `f64` values as a gray `f32` image.

@@ -135,17 +135,17 @@ impl Answer for AuditReport {
     fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
         let checks = serde_json::to_string_pretty(&self.checks);
         let checks = checks.map_err(|error| Error::writing("audit.json")(error.into()))?;
-        page.files.text("audit.json", &format!("{checks}\n"))?;
+        page.files.text("audit.json", format!("{checks}\n"));
         let (size, mut figures) = (self.resolution, Vec::new());
         if !self.white.is_empty() {
             let top = self.white.iter().copied().fold(0.0, f64::max);
             let white = figure::sequential(size, &self.white, top, &page.unit, "The photo under white")?;
-            figures.push(page.picture("white", white.named("white", "white.npy"))?);
+            figures.push(page.picture("white", white.named("white", "white.npy")));
         }
         if !self.additivity.is_empty() {
             let (range, caption) = (robust_range(&self.additivity, None), "Two halves of white less white");
             let additivity = figure::signed(size, &self.additivity, range, "of white's mean", caption)?;
-            figures.push(page.picture("additivity", additivity.named("additivity", ""))?);
+            figures.push(page.picture("additivity", additivity.named("additivity", "")));
         }
         if !self.shadow.is_empty() {
             let shadow: Vec<f64> = self.shadow.iter().map(|&shadow| f64::from(u8::from(shadow))).collect();
@@ -154,7 +154,7 @@ impl Answer for AuditReport {
             let swatch =
                 |(value, text): (f64, &str)| Swatch { color: sequential_color(value), text: text.into() };
             figure.legend = Legend::Swatches([(0.0, "lit"), (1.0, "in shadow")].map(swatch).to_vec());
-            figures.push(page.picture("shadow", figure)?);
+            figures.push(page.picture("shadow", figure));
         }
         page.section("Pictures", "", [Block::Figures(figures)]);
         if !self.devices.is_empty() {

@@ -263,8 +263,8 @@ impl Answer for Imported {
             let scale = exposure(&shown);
             let names = [format!("taken-{photo}"), format!("predicted-{photo}")];
             let mut figures = vec![
-                page.light(&names[0], &shown, scale, "The photo")?,
-                page.light(&names[1], &told, scale, "As predicted without it")?,
+                page.light(&names[0], &shown, scale, "The photo"),
+                page.light(&names[1], &told, scale, "As predicted without it"),
             ];
             figure::flip(&mut figures, &[&names[0], &names[1]]);
             figures.push(page.difference(&predicted, &taken, "Predicted less taken")?);

@@ -198,7 +198,7 @@ impl Answer for Solved {
     fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
         let (found, method) = (&self.found, self.method.facts().name);
         let history: Vec<Row> = found.history.iter().map(|row| (row.products, row.residual)).collect();
-        page.files.text("residuals.csv", &residuals::csv("products", &history))?;
+        page.files.text("residuals.csv", residuals::csv("products", &history));
         let caption = "The residual of each iterate, as the method knows it: no product is spent on it.";
         let plot = residuals::plot("products", &[(method, &history)], Vec::new(), caption);
         page.section("Convergence", "", [plot]);

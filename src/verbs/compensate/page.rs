@@ -22,18 +22,18 @@ impl Compensated {
         let figures = Block::Figures(self.figures(page)?);
         let text = "Photos are developed alike. Errors are of all channels together.";
         page.section("Seen and projected", text, [figures, similarity(self)]);
-        page.files.text("residuals.csv", &residuals::csv("photo", &rows(&found.history)))?;
+        page.files.text("residuals.csv", residuals::csv("photo", &rows(&found.history)));
         // A model takes no photos, so its answer has no convergence history.
         if !found.history.is_empty() {
             convergence(self, page);
         }
         if let Some(found) = &found.clamping {
             let displayed = residuals::csv("photo", &rows(&found.displayed));
-            page.files.text("residuals-displayed.csv", &displayed)?;
+            page.files.text("residuals-displayed.csv", displayed);
             clamping(self, found, page);
         }
         if !self.methods.is_empty() {
-            page.files.text("methods.csv", &csv(&self.methods))?;
+            page.files.text("methods.csv", csv(&self.methods));
             compared(self, page);
         }
         page.contact_sheet("White comes first, then those that measure a preconditioner, if any, then those of the method; those that only show or compare (the result, the uncompensated target, other methods) come last.")?;
@@ -80,7 +80,7 @@ impl Compensated {
         }
         figure::flip(&mut figures, &["target", "observed", "uncompensated"]);
         figure::flip(&mut figures, &["error", "error-uncompensated"]);
-        figures.iter().try_for_each(|figure| page.files.picture(&figure.name, figure))?;
+        figures.iter().for_each(|figure| page.files.png(&figure.name, figure.picture.clone()));
         Ok(figures)
     }
 }

@@ -84,9 +84,9 @@ impl Eigenpairs {
     }
 
     fn figures(&self, size: Resolution, page: &mut AnswerPage<'_>) -> Result<Vec<Figure>> {
-        spectrum::write_layers(page, spectrum::layers(size, &self.found.vectors)?)?;
+        spectrum::write_layers(page, spectrum::layers(size, &self.found.vectors)?);
         let pictures = spectrum::pictures(size, &self.found.vectors, &self.found.values, None, None)?;
-        pictures.into_iter().map(|(name, figure)| page.picture(&name, figure)).collect()
+        Ok(pictures.into_iter().map(|(name, figure)| page.picture(&name, figure)).collect())
     }
 }
 

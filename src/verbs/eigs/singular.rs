@@ -65,7 +65,7 @@ impl SingularTriplets {
                 let caption = format!("{name}: σ = {}", decimal(found.values[index], 5));
                 let figure = figure.named(name, format!("{file}-vectors.npy[{index}]")).in_series(what);
                 let file = format!("{file}-{:02}", index + 1);
-                figures.push(page.picture(&file, Figure { caption, ..figure })?);
+                figures.push(page.picture(&file, Figure { caption, ..figure }));
             }
         }
         Ok(figures)

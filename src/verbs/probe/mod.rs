@@ -280,12 +280,13 @@ impl Answer for ProbedLight {
         let truth = self.truth.as_ref().map(image).transpose()?;
         let scale = exposure(truth.as_ref().unwrap_or(&values));
         let caption = format!("Let through: {}", self.paths);
-        let mut figures = vec![page.light("probed", &values, scale, caption)?];
+        let mut figures = vec![page.light("probed", &values, scale, caption)];
         if let Some(truth) = &truth {
-            figures.push(page.light("exact", truth, scale, "The same from the matrix itself")?);
+            figures.push(page.light("exact", truth, scale, "The same from the matrix itself"));
             figure::flip(&mut figures, &["probed", "exact"]);
         }
-        picture::write(&page.files.path("standard-error.npy"), &image(&self.standard_errors)?)?;
+        let errors = image(&self.standard_errors)?;
+        page.files.later("standard-error.npy", move |path| picture::write(path, &errors));
         figures.push(page.errors(&self.standard_errors, "Standard error")?);
         if let Some(truth) = &self.truth {
             figures.push(page.difference(&self.values, truth, "Found less exact")?);

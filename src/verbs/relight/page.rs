@@ -30,14 +30,14 @@ impl Relighting {
             let scale = exposure(relit.truth.as_ref().unwrap_or(&relit.relit));
             let [pattern, own, other] = ["pattern", "relit", "true"].map(|name| format!("{name}-{number}"));
             let figure = figure::pattern(&relit.pattern, format!("Pattern {number}: {}", relit.name));
-            figures.push(page.picture(&pattern, figure.named(&pattern, ""))?);
+            figures.push(page.picture(&pattern, figure.named(&pattern, "")));
             let caption = match relit.errors.last() {
                 Some(error) => format!("within {}", percentage(*error)),
                 None => format!("about {} off, by what the photos leave open", percentage(relit.stated)),
             };
-            figures.push(page.light(&own, &relit.relit, scale, format!("Relit {number}: {caption}"))?);
+            figures.push(page.light(&own, &relit.relit, scale, format!("Relit {number}: {caption}")));
             let Some(truth) = &relit.truth else { continue };
-            figures.push(page.light(&other, truth, scale, format!("True photo {number}"))?);
+            figures.push(page.light(&other, truth, scale, format!("True photo {number}")));
             figure::flip(&mut figures, &[&own, &other]);
             let caption = format!("Relit {number} less true");
             figures.push(page.difference(&relit.relit.planes(), &truth.planes(), caption)?);
@@ -59,10 +59,10 @@ impl Relighting {
             let error =
                 reduced.error.map_or(String::new(), |error| format!(": within {}", percentage(error)));
             let caption = format!("Direct light alone {number}{error}");
-            figures.push(page.light(&format!("direct-only-{number}"), &reduced.direct, scale, caption)?);
+            figures.push(page.light(&format!("direct-only-{number}"), &reduced.direct, scale, caption));
             let Some(truth) = &reduced.truth else { continue };
             let caption = format!("True direct light {number}");
-            figures.push(page.light(&format!("direct-only-true-{number}"), truth, scale, caption)?);
+            figures.push(page.light(&format!("direct-only-true-{number}"), truth, scale, caption));
             let caption = format!("Direct light {number} less true");
             figures.push(page.difference(&reduced.direct.planes(), &truth.planes(), caption)?);
         }
@@ -79,7 +79,7 @@ impl Relighting {
             let error = dual.error.map_or(String::new(), |error| format!(": within {}", percentage(error)));
             let caption = format!("Lit from the camera by {}{error}", dual.name);
             let file = format!("dual-{number}");
-            figures.push(page.light(&file, &dual.image, exposure(&dual.image), caption)?);
+            figures.push(page.light(&file, &dual.image, exposure(&dual.image), caption));
         }
         if !figures.is_empty() {
             let text = "The scene as the projector would see it, were it the camera: Aᵀ y. Of a coaxial rig this is what the camera sees.";
@@ -106,7 +106,7 @@ impl Relighting {
             }
             csv.push('\n');
         }
-        page.files.text("relighting-errors.csv", &csv)?;
+        page.files.text("relighting-errors.csv", csv);
         let line = |(index, relit): &(usize, &Relit)| {
             let errors = relit.errors.iter().zip(1..).map(|(&error, photos)| (f64::from(photos), error));
             plot::line(format!("{}: {}", index + 1, short(&relit.name)), errors)
@@ -126,7 +126,7 @@ impl Relighting {
             let optimal = row.optimal.map_or_else(String::new, |optimal| format!("{optimal:e}"));
             let _ = writeln!(csv, "{},{:e},{:e},{optimal}", row.photos, row.error, row.one_sided);
         }
-        page.files.text("error-curve.csv", &csv)?;
+        page.files.text("error-curve.csv", csv);
         let line = |name: &str, of: fn(&RankRow) -> Option<f64>| {
             plot::line(name, self.curve.iter().filter_map(|row| Some((row.photos as f64, of(row)?))))
         };

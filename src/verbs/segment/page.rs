@@ -28,7 +28,7 @@ impl Segmented {
         let text = "The generalized eigenvectors of the cut: regions that exchange no light stand apart as areas of one colour. The first is the same everywhere and was known before any photo was taken.";
         page.section("Eigenvectors", text, [Block::Figures(figures)]);
         if let Some(view) = &self.features {
-            page.files.text("features.csv", &features::csv(view))?;
+            page.files.text("features.csv", features::csv(view));
             let palette = self.palettes().into_iter().next().unwrap_or_default();
             features::show(found, view, &palette, page);
         }
@@ -63,14 +63,14 @@ impl Segmented {
         let caption = "The light that each pixel receives from all others: its degree";
         let degree = figure::amounts(size, &found.degree, &page.unit, caption)?;
         let mut figures = vec![
-            page.light("white", white, exposure(white), "The photo under white")?,
+            page.light("white", white, exposure(white), "The photo under white"),
             degree.named("degree", "degree.npy"),
         ];
         if let Some(truth) = &self.truth {
             let painted = (paint_labels(size, &truth.labels), Legend::Swatches(swatches(truth)));
             let values = Values::of_labels(size, &truth.labels);
             let figure = figure::figure(painted, values, "The true regions");
-            figures.push(page.picture("labels-true", figure.named("true region", "labels-true.npy"))?);
+            figures.push(page.picture("labels-true", figure.named("true region", "labels-true.npy")));
         }
         let figure = |((groups, labels), palette): (&(usize, Vec<u8>), Palette)| {
             let score = self.scores.iter().find(|(of, _)| of == groups);
@@ -83,7 +83,7 @@ impl Segmented {
         };
         let painted: Vec<Figure> = found.labels.par_iter().zip(self.palettes()).map(figure).collect();
         for (figure, (groups, _)) in painted.into_iter().zip(&found.labels) {
-            figures.push(page.picture(&format!("labels-{groups}"), figure)?);
+            figures.push(page.picture(&format!("labels-{groups}"), figure));
         }
         Ok(figures)
     }
@@ -92,10 +92,10 @@ impl Segmented {
         let (found, size) = (&self.segmentation, self.resolution);
         let mut layers = spectrum::layers(size, &found.eigenvectors)?;
         layers.push(("degree".into(), spectrum::narrowed(size, &found.degree)?));
-        spectrum::write_layers(page, layers)?;
+        spectrum::write_layers(page, layers);
         let (mask, embedding) = (Some(found.mask.as_slice()), Some(&found.embedding));
         let pictures = spectrum::pictures(size, &found.eigenvectors, &found.eigenvalues, mask, embedding)?;
-        pictures.into_iter().map(|(name, figure)| page.picture(&name, figure)).collect()
+        Ok(pictures.into_iter().map(|(name, figure)| page.picture(&name, figure)).collect())
     }
 
     /// The colours for each number of groups. They match the true regions if these are known, and otherwise the groups for the first number

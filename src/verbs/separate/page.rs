@@ -23,7 +23,7 @@ impl Separated {
         let scale = exposure(&image(&sum(&self.direct, &self.global))?);
         let mut figures = Vec::new();
         for layer in self.layers() {
-            figures.push(page.light(layer.file, &image(layer.planes)?, scale, layer.caption)?);
+            figures.push(page.light(layer.file, &image(layer.planes)?, scale, layer.caption));
         }
         if self.truth.is_some() {
             figure::flip(&mut figures, &["direct", "exact"]);
@@ -35,8 +35,8 @@ impl Separated {
             errors.push(page.difference(&self.direct, truth, "Direct light found less exact")?);
         }
         for layer in self.standard_errors() {
-            let file = format!("{}.npy", layer.file);
-            picture::write(&page.files.path(&file), &image(layer.planes)?)?;
+            let planes = image(layer.planes)?;
+            page.files.later(&format!("{}.npy", layer.file), move |path| picture::write(path, &planes));
             errors.push(page.errors(layer.planes, layer.caption)?);
         }
         if !errors.is_empty() {
@@ -44,7 +44,7 @@ impl Separated {
             page.section("How right it is", text, [Block::Figures(errors)]);
         }
         if !self.comparison.is_empty() {
-            page.files.text("errors.csv", &self.csv())?;
+            page.files.text("errors.csv", self.csv());
             self.compared(page);
         }
         page.contact_sheet("Those of the method come first, those that tell near from far last.")?;
