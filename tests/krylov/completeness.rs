@@ -11,7 +11,7 @@ use krylux::operator::Adjoint;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::krylov_support::{Dense, Noisy};
+use crate::krylov_support::{Dense, Noisy};
 
 /// A symmetric matrix of a kind on which searches from one vector miss eigenvalues.
 fn structured(random: &mut Pcg64) -> Dense {

@@ -7,7 +7,7 @@
 
 use std::fmt::Write;
 
-use crate::boxed::scenes;
+use crate::krylov::boxed::scenes;
 use crate::krylov_gallery::{Named, named};
 use krylux::krylov::{METHODS, Method, SolveOptions, solve_adjoint};
 

@@ -3,7 +3,7 @@
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
-use crate::served::{PATIENCE, Page, Server};
+use crate::paint::served::{PATIENCE, Page, Server};
 
 const SCENE: [&str; 5] = ["assets/scenes/zigzag/scene.glb", "--size", "16", "--spp", "4"];
 

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use krylux::io::npy;
 
+use crate::paint::served::{Server, floats};
 use crate::program::{command, folder, inside, rig, rooms, text};
-use crate::served::{Server, floats};
 
 const SCENE: [&str; 5] = ["assets/scenes/corner/scene.glb", "--size", "16", "--spp", "8"];
 

@@ -37,7 +37,7 @@ struct Options {
     #[arg(
         long,
         value_delimiter = ',',
-        default_value = "lib,krylov,journal,transport,rig,cli,analysis,report,render,scene"
+        default_value = "lib,library,commands,scene"
     )]
     tests: Vec<String>,
     /// One piece of the whole: K/N, with K from 0.

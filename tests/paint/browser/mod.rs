@@ -1,6 +1,6 @@
 //! The page in a real browser, driven by the DevTools protocol.
 //!
-//! These tests need Chromium, and axe-core in the file that `KRYLUX_AXE` names: `cargo test --release --test paint -- --ignored`. Where one fails,
+//! These tests need Chromium, and axe-core in the file that `KRYLUX_AXE` names: `cargo test --release --test commands paint:: -- --ignored`. Where one fails,
 //! a screenshot is left in the folder that `KRYLUX_SCREENSHOTS` names, or else in the system's folder for temporary files.
 
 mod devtools;
@@ -10,8 +10,8 @@ use std::path::Path;
 use krylux::io::npy;
 use serde_json::{Value, json};
 
+use crate::paint::served::Server;
 use crate::program::{command, folder, inside, text};
-use crate::served::Server;
 use devtools::{Browser, Tab};
 
 const SCENE: [&str; 5] = ["assets/scenes/cornell/scene.glb", "--size", "32", "--spp", "16"];

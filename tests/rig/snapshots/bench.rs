@@ -6,8 +6,8 @@ use krylux::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
 use krylux::rig::VirtualRig;
 use krylux::transport::{Channels, Transport};
 
-use crate::calibration::calibrated_from;
-use crate::calibration::scene::Folded;
+use crate::rig::calibration::calibrated_from;
+use crate::rig::calibration::scene::Folded;
 
 /// Pixels of the projector.
 pub const SIZE: Resolution = Resolution { width: 32, height: 28 };
@@ -47,7 +47,7 @@ pub fn scene() -> Folded {
 
 /// A bench with every imperfection that a calibration measures, in gray.
 pub fn realistic() -> VirtualRig {
-    let mut rig = crate::calibration::realistic(&scene());
+    let mut rig = crate::rig::calibration::realistic(&scene());
     rig.projector.vignetting = 0.1;
     rig.projector.blur = 0.3;
     rig.camera.size = Some([72, 64]);

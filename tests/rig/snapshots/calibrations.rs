@@ -10,7 +10,7 @@ use krylux::rig::VirtualRig;
 
 use super::bench::{SIZE, calibrated, coloured, frames, quick, realistic};
 use super::{compare, digits};
-use crate::calibration::{self, scene::Folded};
+use crate::rig::calibration::{self, scene::Folded};
 
 /// A calibration and its report, and the lines that a person reads.
 fn compare_calibration(name: &str, rig: &VirtualRig, options: &CalibrateOptions) {

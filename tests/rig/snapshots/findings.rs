@@ -8,7 +8,7 @@ use krylux::rig::{Iris, Pulse, Splitter, VirtualRig};
 
 use super::bench::{calibrated, frames, quick, realistic};
 use super::compare;
-use crate::calibration::imperfections::rig_file;
+use crate::rig::calibration::imperfections::rig_file;
 
 fn found(rig: &VirtualRig, known: Option<&Calibration>) -> String {
     let file = rig_file(rig);

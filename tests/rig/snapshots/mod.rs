@@ -5,7 +5,7 @@
 //! properties of devices. After a change that is meant to change numbers, look at each difference, and accept them:
 //!
 //! ```sh
-//! INSTA_UPDATE=always cargo test --release --test rig snapshots
+//! INSTA_UPDATE=always cargo test --release --test library rig::snapshots
 //! git diff tests/rig/snapshots
 //! ```
 

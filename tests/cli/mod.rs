@@ -1,10 +1,5 @@
 //! The program as a user meets it.
 
-#[path = "../common/mod.rs"]
-mod common;
-#[path = "../program/mod.rs"]
-mod program;
-
 mod bench;
 mod bytes;
 mod captures;

@@ -1,8 +1,5 @@
 //! Files that are written and read, and the page that shows a run.
 
-#[path = "../matrix_support/mod.rs"]
-mod matrix_support;
-
 mod arrays;
 mod index;
 mod matrix_files;

@@ -1,8 +1,5 @@
 //! Light as it is traced, against closed forms and against another renderer.
 
-#[path = "../common/mod.rs"]
-mod common;
-
 mod analytic;
 mod furnace;
 mod glass;

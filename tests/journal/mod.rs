@@ -1,8 +1,5 @@
 //! The journal: what was appended comes back as it was or not at all, whatever happens to the file and its writer.
 
-#[path = "../program/mod.rs"]
-mod program;
-
 mod damage;
 mod faults;
 mod kill;

@@ -1,8 +1,5 @@
 //! The transport matrix: as an operator, its noise, and as it is kept on disk.
 
-#[path = "../common/mod.rs"]
-mod common;
-
 mod cache;
 mod estimated;
 mod matrix;
