@@ -212,8 +212,8 @@ mod tests {
         let boxes: Vec<_> = triangles.map(extent).collect();
         let start = Instant::now();
         let mut order = Bvh::build(boxes.iter().copied()).order;
-        // Building takes a fraction of a second, but longer in debug builds and on busy machines.
-        assert!(start.elapsed() < Duration::from_secs(20), "{what}: {:?}", start.elapsed());
+        // The largest fan takes eight seconds of a processor. A time that is quadratic in the triangles would be many minutes.
+        assert!(start.elapsed() < Duration::from_secs(120), "{what}: {:?}", start.elapsed());
         order.sort_unstable();
         assert!(order.into_iter().eq(0..boxes.len() as u32), "{what}");
     }

@@ -19,7 +19,7 @@ const PAYLOAD: [u8; 1000] = [7; 1000];
 fn a_full_disk_is_an_error_that_loses_nothing() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let program = std::env::current_exe().expect("the test runs");
-    let limited = "trap '' XFSZ; ulimit -f 16; exec \"$0\" faults::child_that_writes_until_it_fails \
+    let limited = "trap '' XFSZ; ulimit -f 16; exec \"$0\" journal::faults::child_that_writes_until_it_fails \
                    --exact --ignored --nocapture";
     let output = Command::new("sh").arg("-c").arg(limited).arg(program).env(FOLDER, folder.path()).output();
     let output = output.expect("there is a shell");
