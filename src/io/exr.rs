@@ -61,7 +61,7 @@ fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::ex
         }
     }
     let encoding = Encoding {
-        // The lower bits of light are noise. ZIP would save a few per cent of the bytes, for most of the time of a run's files.
+        // The lower bits of light are noise. ZIP would save up to a tenth of the bytes, and take most of the time of a run's files.
         compression: Compression::RLE,
         blocks: Blocks::ScanLines,
         line_order: LineOrder::Increasing,
