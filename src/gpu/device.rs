@@ -232,7 +232,7 @@ impl Gpu {
     }
 
     pub(crate) fn pipeline_cache(&self) -> Option<&wgpu::PipelineCache> {
-        self.compiled.as_ref().map(Compiled::cache)
+        self.compiled.as_ref().map(|compiled| &compiled.cache)
     }
 
     /// Runs `work`. A failure, a lack of memory, or the loss of the device becomes an error instead of a panic.
@@ -271,6 +271,14 @@ impl Gpu {
 
     pub(crate) fn require_working(&self) -> Result<()> {
         self.failure.get().map_or(Ok(()), |why| Err(self.lost(why)))
+    }
+
+    /// Fails with [`Error::Device`] if shaders cannot calculate in `f64`, which `what` need.
+    pub(crate) fn require_double_precision(&self, what: &str) -> Result<()> {
+        if self.summary.double_precision {
+            return Ok(());
+        }
+        Err(Error::device(format!("{} cannot calculate in f64, which {what} need", self.summary.name)))
     }
 
     pub(super) fn lost(&self, why: &str) -> Error {
@@ -343,10 +351,6 @@ impl Compiled {
         let empty = open(device, None).get_data()?.len();
         let cache = open(device, data);
         Some(Self { cache, empty, restored: data.map(blake3::hash) })
-    }
-
-    pub(crate) fn cache(&self) -> &wgpu::PipelineCache {
-        &self.cache
     }
 
     /// All kernels so far as bytes; `None` if there are no kernels beside the restored ones.

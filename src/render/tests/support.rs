@@ -44,22 +44,19 @@ pub(super) fn run(
         shared.iter().map(|(binding, resource)| (*binding, resource.clone(), true)).collect();
     let own = vec![(0, input.as_entire_binding(), true), (1, output.buffer.as_entire_binding(), false)];
     let groups = [shared, own];
-    let submission = gpu.guarded("test", || {
+    let request = output.launch(gpu, "test", bytes, |encoder| {
         let layouts = groups.each_ref().map(|group| layout(gpu, group));
         let source = wgpu::ShaderSource::Wgsl(text.into());
         let [pipeline] = gpu.pipelines("test", source, &layouts.each_ref(), ["main"]);
-        let mut encoder = gpu.encoder();
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&pipeline);
         for ((index, layout), group) in (0..).zip(&layouts).zip(&groups) {
             pass.set_bind_group(index, &bind_group(gpu, layout, group), &[]);
         }
         pass.dispatch_workgroups(count.div_ceil(64) as u32, 1, 1);
-        drop(pass);
-        output.submit(gpu, encoder, bytes)
     });
-    let request = output.request(bytes, submission.expect("the test's kernel runs"));
-    let view = output.wait(gpu, request).expect("results can be read back");
+    let request = request.expect("the test's kernel runs");
+    let view = request.wait(gpu).expect("results can be read back");
     bytemuck::cast_slice(&view).to_vec()
 }
 

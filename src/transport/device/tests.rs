@@ -195,7 +195,7 @@ fn the_matrix_of_a_coaxial_rig_is_symmetric_to_the_last_bit() {
 fn the_host_assembles_what_the_device_cannot() {
     let mut gpu = gpu();
     gpu.summary.double_precision = false;
-    let error = require_double_precision(&gpu).expect_err("it cannot calculate in f64").to_string();
+    let error = gpu.require_double_precision("sums").expect_err("it cannot calculate in f64").to_string();
     assert!(error.contains("f64"), "{error}");
     // So many samples take more parts than a buffer holds.
     gpu.summary.max_storage_binding = 1000;

@@ -2,12 +2,10 @@
 
 use std::ops::Range;
 
-use wgpu::BufferUsages;
-
 use super::layer::Band;
 use crate::error::Result;
-use crate::gpu::pipeline::{READ, UNIFORM, WRITE, grid};
-use crate::gpu::{Gpu, shader};
+use crate::gpu::Gpu;
+use crate::gpu::pipeline::{self, READ, Step, WRITE};
 
 #[derive(Clone, Copy)]
 pub(in crate::transport) struct Limits {
@@ -69,27 +67,19 @@ pub(super) struct Terms {
 
 #[derive(Clone)]
 pub(super) struct Kernel {
-    pipeline: wgpu::ComputePipeline,
-    layout: wgpu::BindGroupLayout,
+    kernel: pipeline::Kernel,
     /// A placeholder for buffers that a dispatch does not read.
     nothing: wgpu::Buffer,
 }
 
-pub(super) struct Step {
-    group: wgpu::BindGroup,
-    workgroups: [u32; 2],
-}
-
 impl Kernel {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
-        let source = shader::compose("product")?;
-        let nothing = gpu.storage("nothing", &[0.0_f32])?;
-        gpu.guarded("product", || {
-            let layout = gpu.layout("product", &[UNIFORM, READ, READ, READ, READ, READ, WRITE]);
-            let source = wgpu::ShaderSource::Wgsl(source.into());
-            let [pipeline] = gpu.pipelines("product", source, &[&layout], ["product"]);
-            Self { pipeline, layout, nothing }
-        })
+        let buffers = [READ, READ, READ, READ, READ, WRITE];
+        let [kernel] =
+            pipeline::Kernel::all(gpu, "product", ["product"], &[], &buffers, |source, layout| {
+                gpu.pipelines("product", source, &[layout], ["product"])
+            })?;
+        Ok(Self { kernel, nothing: gpu.storage("nothing", &[0.0_f32])? })
     }
 
     /// The dispatch that writes the sums of these rows to the photo. A sum adds the products of a band's entries in one channel, if `band`
@@ -102,31 +92,15 @@ impl Kernel {
         terms: Terms,
         [diagonal, from, to]: [&wgpu::Buffer; 3],
     ) -> Result<Step> {
-        let (of_band, entries) = match band {
+        let ([starts, columns, weights], entries) = match band {
             Some((band, channel)) => ([&band.starts, &band.columns, &band.weights[channel]], HAS_ENTRIES),
             None => ([&self.nothing; 3], 0),
         };
-        let terms = entries | bits(terms);
-        let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let parameters = gpu.buffer("band", size_of::<Parameters>() as u64, uniform)?;
         let count = rows.end - rows.start;
-        let values = Parameters { first_row: rows.start, rows: count, terms, padding: 0 };
-        let [starts, columns, weights] = of_band;
-        let buffers = [&parameters, starts, columns, weights, diagonal, from, to];
-        let group = gpu.guarded("bindings", || {
-            gpu.queue.write_buffer(&parameters, 0, bytemuck::bytes_of(&values));
-            gpu.bind("product", &self.layout, buffers.map(wgpu::Buffer::as_entire_binding))
-        })?;
-        Ok(Step { group, workgroups: grid(count.div_ceil(ROWS_OF_GROUP)) })
-    }
-
-    pub(super) fn encode(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, steps: &[Step]) {
-        let mut pass = gpu.pass(encoder, "products");
-        pass.set_pipeline(&self.pipeline);
-        for Step { group, workgroups: [across, down] } in steps {
-            pass.set_bind_group(0, group, &[]);
-            pass.dispatch_workgroups(*across, *down, 1);
-        }
+        let terms = entries | bits(terms);
+        let parameters = Parameters { first_row: rows.start, rows: count, terms, padding: 0 };
+        let buffers = [starts, columns, weights, diagonal, from, to];
+        self.kernel.step(gpu, &parameters, &buffers, count.div_ceil(ROWS_OF_GROUP))
     }
 }
 
