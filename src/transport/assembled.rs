@@ -5,9 +5,7 @@ use std::sync::Arc;
 
 use super::layer::Layer;
 use super::noise::Noise;
-use super::{
-    Channels, GpuMatrix, MatrixOperator, Part, RigShape, Transport, TransportMatrix, from_planes, spread,
-};
+use super::{Channels, GpuMatrix, MatrixOperator, Part, RigShape, Transport, TransportMatrix, spread};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::image::{Image, Resolution};
@@ -80,7 +78,7 @@ impl Transport for Arc<Assembled> {
                 *value += ambient;
             }
         }
-        from_planes(matrix.resolution(), &photo)
+        Image::from_planes(matrix.resolution(), &photo)
     }
 }
 

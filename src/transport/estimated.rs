@@ -220,16 +220,18 @@ impl Retraced<'_> {
         let project = |rgb: [f32; 3]| [if is_gray { luminance(rgb) } else { rgb[channel] }];
         self.each(way, project, &mut |contributions| {
             // Each sum is assigned to one task, which adds the contributions in path order.
-            let shares = sums.of(contributions.halves()).shares(rayon::current_num_threads());
-            shares.into_par_iter().for_each(|mut share| {
+            let WeightSums { products, of_starts, .. } = sums.of(contributions.halves());
+            let tasks = rayon::current_num_threads();
+            let shares = Stripes::of(products, tasks).into_par_iter().zip(Stripes::of(of_starts, tasks));
+            shares.for_each(|(mut products, mut of_starts)| {
                 contributions.entries(|run, row, column, &[value]| {
                     let (Some(column), value) = (column, f64::from(value)) else { return };
-                    if let Some(products) = share.products.at(row) {
+                    if let Some(products) = products.at(row) {
                         for (product, light) in products[run.half].iter_mut().zip(&lit[column]) {
                             *product += value * light;
                         }
                     }
-                    if symmetric && let Some(sums) = share.of_starts.at(run.pixel as usize) {
+                    if symmetric && let Some(sums) = of_starts.at(run.pixel as usize) {
                         let pairs = lit[row].iter().zip(&lit[column]).zip(&shifts);
                         for (sum, ((own, light), shift)) in sums[run.half].iter_mut().zip(pairs) {
                             *sum += value * own * (light - shift * own);
@@ -307,11 +309,6 @@ struct WeightSums<const P: usize> {
     of_starts: Vec<HalfSums<P>>,
 }
 
-struct Share<'a, const P: usize> {
-    products: Stripes<'a, HalfSums<P>>,
-    of_starts: Stripes<'a, HalfSums<P>>,
-}
-
 impl<const P: usize> Sums<P> {
     fn new(rows: usize, symmetric: bool) -> Self {
         Self { rows, symmetric, of_weights: Vec::new() }
@@ -345,14 +342,6 @@ impl<const P: usize> Sums<P> {
         }
         let quadratic = self.symmetric.then(|| [value, variance.sqrt()]);
         EstimatedProduct { product, error, quadratic }
-    }
-}
-
-impl<const P: usize> WeightSums<P> {
-    fn shares(&mut self, tasks: usize) -> Vec<Share<'_, P>> {
-        let both =
-            Stripes::of(&mut self.products, tasks).into_iter().zip(Stripes::of(&mut self.of_starts, tasks));
-        both.map(|(products, of_starts)| Share { products, of_starts }).collect()
     }
 }
 

@@ -252,7 +252,7 @@ fn rows_that_the_leader_has_dropped_are_not_kept() {
     let rig = RigShape { camera: size, projector: size, symmetric: true };
     for id in [3, 4] {
         let matrix = TransportMatrix::new(rig, Channels::Luma, vec![vec![1.0]], Vec::new());
-        worker.matrices.insert(id, Rows { matrix, pixels: Vec::new() });
+        worker.matrices.insert(id, (matrix, Vec::new()));
     }
     worker.release(3);
     assert_eq!(worker.matrices.keys().collect::<Vec<_>>(), [&4]);
