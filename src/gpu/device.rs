@@ -26,7 +26,7 @@ const MEMORY_SHARE: u8 = 80;
 const ADDRESS_SPACE: u64 = 1 << 30;
 
 /// Name, driver and limits of an adapter.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct AdapterSummary {
     /// The device's name, e.g. `llvmpipe (LLVM 15.0.6, 256 bits)`.
     pub name: String,

@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn buffers_of_any_size_are_read_as_they_were_written() {
-        let gpu = Gpu::open(None, 0).expect("the README's test command installs a Vulkan driver");
+        let gpu = Gpu::for_tests();
         let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         let arrays: Vec<Vec<u32>> = [1, 7, 5_000_000, 3]
             .map(|count: u32| (0..count).map(|at| at.wrapping_mul(0x9e37_79b9) ^ count).collect())
@@ -165,8 +165,7 @@ mod tests {
 
     #[test]
     fn a_thing_is_made_once_for_all_users_of_a_device() {
-        let [first, second] =
-            [(); 2].map(|()| Gpu::open(None, 0).expect("the README's test command installs a Vulkan driver"));
+        let [first, second] = [(); 2].map(|()| Gpu::for_tests());
         let name = "a_thing_is_made_once";
         assert_eq!(first.kept(name, || Ok(1_u8)).ok(), Some(1));
         assert_eq!(second.kept(name, || Ok(2_u8)).ok(), Some(1));

@@ -14,6 +14,13 @@ pub use device::AdapterSummary;
 pub(crate) use device::Gpu;
 pub(crate) use lent::Lent;
 
+#[cfg(test)]
+impl Gpu {
+    pub(crate) fn for_tests() -> Self {
+        Self::open(None, 0).expect("the README's test command installs a Vulkan driver")
+    }
+}
+
 /// Assertions for tests that shaders and host agree on the layouts of structures and on constants.
 #[cfg(test)]
 pub(crate) mod layout {

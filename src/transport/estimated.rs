@@ -379,25 +379,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_noise_of_independent_light_is_no_error_of_the_answer() {
-        let product = |product: &[f64], error: &[f64]| EstimatedProduct {
-            product: product.to_vec(),
-            error: error.to_vec(),
-            quadratic: None,
-        };
-        // The noise alone explains differences of 0.3 and 0.4, but not of 3 and 4.
-        let independent = product(&[10.3, 9.6], &[0.3, 0.4]);
-        let exact = independent.squares(&[10.0, 10.0]).relative();
-        assert!(exact.is_some_and(|[error, _]| error < 1e-7), "{exact:?}");
-        let wrong = independent.squares(&[7.3, 5.6]).relative();
-        let size = 10.3_f64.powi(2) + 9.6_f64.powi(2) - 0.25;
-        let expected = ((25.0 - 0.25) / size).sqrt();
-        assert!(wrong.is_some_and(|[error, _]| (error - expected).abs() < 1e-12));
-        let nothing = product(&[0.1, -0.1], &[0.2, 0.2]);
-        assert_eq!(nothing.squares(&[0.0, 0.0]).relative(), None);
-    }
-
-    #[test]
     fn stripes_go_round_the_tasks() {
         for tasks in 1..5 {
             let mut owner = [usize::MAX; 101];

@@ -6,8 +6,9 @@ use std::sync::{Arc, Mutex};
 
 use glam::Vec3;
 
-use super::support::{PathRecord, gpu, path_records, run, tracer};
+use super::support::{PathRecord, path_records, run, tracer};
 use crate::error::Error;
+use crate::gpu::Gpu;
 use crate::image::Resolution;
 use crate::observer::{Observer, Step};
 use crate::render::geometry::Unit;
@@ -185,7 +186,8 @@ fn shader_and_host_agree_on_the_hash_of_a_cell() {
             let hash = photon_hash(vec3i(input[index].xyz));
             return vec4f(f32(hash >> 16u), f32(hash & 0xffffu), 0.0, 0.0);
         }";
-    for (cell, [high, low, ..]) in cells.iter().zip(run(&gpu(), source, &[], &input, cells.len())) {
+    for (cell, [high, low, ..]) in cells.iter().zip(run(&Gpu::for_tests(), source, &[], &input, cells.len()))
+    {
         assert_eq!((high as u32) << 16 | low as u32, hash(*cell), "{cell:?}");
     }
 }

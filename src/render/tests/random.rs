@@ -2,7 +2,7 @@
 //! halves.
 
 use super::statistics::{chi_square_test, threshold};
-use super::support::{gpu, run};
+use super::support::run;
 use crate::gpu::Gpu;
 
 /// `stratified4` for the samples `0 .. samples` of `pixels` pixels, at `vertex`. The layout is `[pixel · samples + sample]`.
@@ -36,7 +36,7 @@ fn pairs(points: &[[f32; 4]]) -> [Vec<(f32, f32)>; 2] {
 
 #[test]
 fn each_half_of_a_pixels_samples_is_a_net_in_both_pairs() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     for (samples, vertex) in [(2, 0), (64, 0), (64, 3), (2048, 1)] {
         for pixel in points(&gpu, 32, samples, vertex).chunks(samples / 2).flat_map(pairs) {
             assert!(is_net(&pixel), "{samples} samples, vertex {vertex}: {pixel:?}");
@@ -47,7 +47,7 @@ fn each_half_of_a_pixels_samples_is_a_net_in_both_pairs() {
 #[test]
 fn blocks_are_nets_where_the_count_is_no_power_of_two() {
     // The halves have 24 = 16 + 8 and 23 = 16 + 4 + 2 + 1 samples.
-    for pixel in points(&gpu(), 32, 47, 0).chunks(47) {
+    for pixel in points(&Gpu::for_tests(), 32, 47, 0).chunks(47) {
         for (half, blocks) in [(&pixel[..24], vec![0..16, 16..24]), (&pixel[24..], vec![0..16, 16..20])] {
             for block in blocks {
                 for pair in pairs(&half[block.clone()]) {
@@ -81,7 +81,7 @@ fn pair_p_value(bins: usize, pairs: impl Iterator<Item = (f32, f32)>) -> f64 {
 fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_its_other_pair() {
     const PIXELS: usize = 1 << 18;
     const SAMPLES: usize = 6;
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     let vertices = [points(&gpu, PIXELS, SAMPLES, 1), points(&gpu, PIXELS, SAMPLES, 2)];
     // The pairs contain one sample of each pixel. They are independent of one another, which the χ² test requires.
     let of = |vertex: usize, sample: usize| {
@@ -147,7 +147,7 @@ fn numbers(gpu: &Gpu, offset: [u32; 4]) -> Vec<[f32; 4]> {
 
 #[test]
 fn random_numbers_are_uniform_and_neighbours_independent() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     let base = numbers(&gpu, [0; 4]);
     assert!(base.iter().flatten().all(|u| (0.0..1.0).contains(u)));
     let mut p_values = Vec::new();

@@ -22,10 +22,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
 }
 ";
 
-pub(crate) fn gpu() -> Gpu {
-    Gpu::open(None, 0).expect("the README's test command installs a Vulkan driver")
-}
-
 /// Returns `work(0), …, work(count − 1)`. The WGSL in `source` defines `fn work(index: u32) -> vec4f`; it may import shared shaders and
 /// read `input`. `shared` holds the resources of group 0 that the imported shaders read, with their bindings.
 pub(super) fn run(

@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn buffers_of_a_device_limit_the_entries_of_a_band() {
-        let gpu = super::super::tests::gpu();
+        let gpu = Gpu::for_tests();
         let limits = |kind: &str, max_buffer, max_storage_binding| {
             let mut gpu = gpu.clone();
             (gpu.summary.kind, gpu.summary.max_buffer) = (kind.into(), max_buffer);

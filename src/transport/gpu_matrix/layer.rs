@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn a_row_has_as_many_entries_as_a_device_can_sum() {
-        let gpu = super::super::tests::gpu();
+        let gpu = Gpu::for_tests();
         let upload = |entries: usize| {
             let columns = (0..entries as u32).collect();
             let rows =

@@ -332,11 +332,8 @@ mod tests {
     /// The work of each process, measured in rays, differs from an equal share by at most one row of pixels at either end.
     #[test]
     fn the_rays_of_a_scene_are_shared_out_evenly() {
-        let scene = crate::scene::builtin::corner().to_scene();
-        let mut projector = scene.camera.clone();
-        projector.position += 0.2 * projector.right;
+        let mut scene = crate::transport::tests::apart(crate::scene::builtin::corner().to_scene(), 0.2);
         // The upper part of the picture does not show the scene, so its pixels need fewer rays.
-        let mut scene = crate::scene::Scene { projector: Some(projector), ..scene };
         scene.camera.position += 0.6 * scene.camera.up;
         let mut tracer =
             Tracer::new(&scene, None).expect("the README's test command installs a Vulkan driver");

@@ -57,6 +57,20 @@ fn squares_of_a_product_are_those_of_its_differences_errors_and_values() {
 }
 
 #[test]
+fn the_noise_of_independent_light_is_no_error_of_the_answer() {
+    // The noise alone explains differences of 0.3 and 0.4, but not of 3 and 4.
+    let independent = product(&[10.3, 9.6], &[0.3, 0.4]);
+    let exact = independent.squares(&[10.0, 10.0]).relative();
+    assert!(exact.is_some_and(|[error, _]| error < 1e-7), "{exact:?}");
+    let wrong = independent.squares(&[7.3, 5.6]).relative();
+    let size = 10.3_f64.powi(2) + 9.6_f64.powi(2) - 0.25;
+    let expected = ((25.0 - 0.25) / size).sqrt();
+    assert!(wrong.is_some_and(|[error, _]| (error - expected).abs() < 1e-12));
+    let nothing = product(&[0.1, -0.1], &[0.2, 0.2]);
+    assert_eq!(nothing.squares(&[0.0, 0.0]).relative(), None);
+}
+
+#[test]
 fn signs_count_the_pixels_that_are_farther_than_a_draw_of_the_noise() {
     // The sum of the photo's squared errors is 21. The prediction has as much noise, and errors of the norm 3 are allowed. The draw at a
     // pixel with the error `e` has the square `(2 + 9/21) e² + 9/6`. The difference at a pixel of error 1 is therefore larger from 1.982
