@@ -91,7 +91,7 @@ pub(super) type PathRecord = (u64, [u32; 3], [u32; 3], Vec<(u32, u32, [u32; 3])>
 
 pub(super) fn path_records(tracer: &mut Tracer, strategy: &Strategy) -> Vec<PathRecord> {
     let mut records = Vec::new();
-    let mut visit = |batch: &Batch<'_>| {
+    trace(tracer, strategy, |batch| {
         records.extend((0..batch.len()).map(|path| {
             let connections = batch.connections(path).map(|connection| {
                 (connection.camera, connection.projector, connection.value.map(f32::to_bits))
@@ -100,12 +100,20 @@ pub(super) fn path_records(tracer: &mut Tracer, strategy: &Strategy) -> Vec<Path
             let [direct, ambient] = [batch.direct(path), ambient].map(|light| light.map(f32::to_bits));
             (batch.rays(path), direct, ambient, connections.collect())
         }));
+    });
+    records
+}
+
+/// Traces all paths of a strategy.
+pub(super) fn trace(tracer: &mut Tracer, strategy: &Strategy, mut visit: impl FnMut(&Batch<'_>)) {
+    let summary = &mut TraceSummary::default();
+    let mut visit = |batch: &Batch<'_>| {
+        visit(batch);
         Ok(())
     };
     tracer
-        .run(strategy, 0..strategy.paths(), strategy.paths(), &mut TraceSummary::default(), &mut visit)
+        .run(strategy, 0..strategy.paths(), strategy.paths(), summary, &mut visit)
         .expect("the scene can be traced");
-    records
 }
 
 pub(crate) fn tracer(scene: &Scene) -> Tracer {
