@@ -287,13 +287,15 @@ impl Gpu {
     }
 }
 
-/// All adapters of this machine. The list may be empty. Fails with [`Error::Device`] if this process has too little address space.
-pub(crate) fn adapters() -> Result<Vec<AdapterSummary>> {
+/// All graphics adapters of this machine that can trace. The list may be empty. The call fails with [`Error::Device`] if `ulimit -v` leaves
+/// too little address space for a driver.
+pub fn adapters() -> Result<Vec<AdapterSummary>> {
     let share = may_have_gpu().then_some(MEMORY_SHARE);
     Driver::with(share, |driver| Ok(driver.adapters.iter().map(AdapterSummary::of).collect()))
 }
 
-pub(crate) fn no_adapter() -> Error {
+/// The error for a machine without any adapter. It says which packages to install.
+pub fn no_adapter() -> Error {
     Error::NoAdapter { detail: String::new(), help: INSTALL.into() }
 }
 

@@ -5,8 +5,8 @@ use std::borrow::Cow;
 
 use bytemuck::Pod;
 use wgpu::{
-    BindGroupLayout, BindGroupLayoutEntry, BindingType, BufferBindingType, BufferUsages, CommandEncoder,
-    ComputePipeline, ShaderSource, ShaderStages,
+    BindGroupLayout, BindGroupLayoutEntry, BindingResource, BindingType, BufferBindingType, BufferUsages,
+    CommandEncoder, ComputePipeline, ShaderModule, ShaderSource, ShaderStages,
 };
 
 use super::{Gpu, shader};
@@ -44,13 +44,22 @@ pub(crate) fn grid(groups: u32) -> [u32; 2] {
 impl Gpu {
     /// The layout of bindings of these types. It is explicit, because an automatic layout omits bindings that a kernel does not use.
     pub(crate) fn layout(&self, label: &str, types: &[BindingType]) -> BindGroupLayout {
-        let entry = |(binding, &ty)| BindGroupLayoutEntry {
+        self.layout_at(label, (0..).zip(types.iter().copied()))
+    }
+
+    /// Works like [`Gpu::layout`], for bindings of any numbers.
+    pub(crate) fn layout_at(
+        &self,
+        label: &str,
+        types: impl IntoIterator<Item = (u32, BindingType)>,
+    ) -> BindGroupLayout {
+        let entry = |(binding, ty)| BindGroupLayoutEntry {
             binding,
             visibility: ShaderStages::COMPUTE,
             ty,
             count: None,
         };
-        let entries: Vec<_> = (0..).zip(types).map(entry).collect();
+        let entries: Vec<_> = types.into_iter().map(entry).collect();
         let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries };
         self.device.create_bind_group_layout(&descriptor)
     }
@@ -60,51 +69,47 @@ impl Gpu {
         &self,
         label: &str,
         layout: &BindGroupLayout,
-        resources: impl IntoIterator<Item = wgpu::BindingResource<'a>>,
+        resources: impl IntoIterator<Item = BindingResource<'a>>,
+    ) -> wgpu::BindGroup {
+        self.bind_at(label, layout, (0..).zip(resources))
+    }
+
+    /// Works like [`Gpu::bind`], for bindings of any numbers.
+    pub(crate) fn bind_at<'a>(
+        &self,
+        label: &str,
+        layout: &BindGroupLayout,
+        resources: impl IntoIterator<Item = (u32, BindingResource<'a>)>,
     ) -> wgpu::BindGroup {
         let entry = |(binding, resource)| wgpu::BindGroupEntry { binding, resource };
-        let entries: Vec<_> = (0..).zip(resources).map(entry).collect();
+        let entries: Vec<_> = resources.into_iter().map(entry).collect();
         let descriptor = wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries };
         self.device.create_bind_group(&descriptor)
+    }
+
+    pub(crate) fn module(&self, label: &str, source: ShaderSource<'_>) -> ShaderModule {
+        self.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
+    }
+
+    /// Works like [`Gpu::module`], without the checks that each index is in bounds and that each loop ends, which take half the time of short
+    /// loops over workgroup memory.
+    ///
+    /// # Safety
+    /// Whatever the buffers contain, the shader must not read or write out of their bounds, and its loops must end.
+    #[allow(unsafe_code, reason = "wgpu cannot know that indices are in bounds")]
+    pub(crate) unsafe fn unchecked_module(&self, label: &str, source: ShaderSource<'_>) -> ShaderModule {
+        let description = wgpu::ShaderModuleDescriptor { label: Some(label), source };
+        // SAFETY: the caller guarantees what the checks would.
+        unsafe {
+            self.device.create_shader_module_trusted(description, wgpu::ShaderRuntimeChecks::unchecked())
+        }
     }
 
     /// Compiles these entry points of a shader. `layouts` are the layouts of its bind groups.
     pub(crate) fn pipelines<const N: usize>(
         &self,
         label: &str,
-        source: ShaderSource<'_>,
-        layouts: &[&BindGroupLayout],
-        entry_points: [&str; N],
-    ) -> [ComputePipeline; N] {
-        let description = wgpu::ShaderModuleDescriptor { label: Some(label), source };
-        let module = self.device.create_shader_module(description);
-        self.pipelines_of(label, &module, layouts, entry_points)
-    }
-
-    /// Works like [`Gpu::pipelines`], without the checks that each index is in bounds and that each loop ends, which take half the time of
-    /// short loops over workgroup memory.
-    ///
-    /// # Safety
-    /// Whatever the buffers contain, the shader must not read or write out of their bounds, and its loops must end.
-    #[allow(unsafe_code, reason = "wgpu cannot know that indices are in bounds")]
-    pub(crate) unsafe fn unchecked_pipelines<const N: usize>(
-        &self,
-        label: &str,
-        source: ShaderSource<'_>,
-        layouts: &[&BindGroupLayout],
-        entry_points: [&str; N],
-    ) -> [ComputePipeline; N] {
-        let description = wgpu::ShaderModuleDescriptor { label: Some(label), source };
-        let checks = wgpu::ShaderRuntimeChecks::unchecked();
-        // SAFETY: the caller guarantees what the checks would.
-        let module = unsafe { self.device.create_shader_module_trusted(description, checks) };
-        self.pipelines_of(label, &module, layouts, entry_points)
-    }
-
-    fn pipelines_of<const N: usize>(
-        &self,
-        label: &str,
-        module: &wgpu::ShaderModule,
+        module: &ShaderModule,
         layouts: &[&BindGroupLayout],
         entry_points: [&str; N],
     ) -> [ComputePipeline; N] {
@@ -150,19 +155,19 @@ pub(crate) struct Kernel {
 }
 
 impl Kernel {
-    /// The kernels of these entry points of the shader `name`, which `compile` compiles.
+    /// The kernels of these entry points of the shader `name`. `module` makes its module.
     pub(crate) fn all<const N: usize>(
         gpu: &Gpu,
         name: &str,
         entry_points: [&'static str; N],
         constants: &[(&str, f64)],
         buffers: &[BindingType],
-        compile: impl FnOnce(ShaderSource<'_>, &BindGroupLayout) -> [ComputePipeline; N],
+        module: impl FnOnce(ShaderSource<'_>) -> ShaderModule,
     ) -> Result<[Self; N]> {
-        let module = shader::kernel(name, constants)?;
+        let source = ShaderSource::Naga(Cow::Owned(shader::kernel(name, constants)?));
         gpu.guarded(name, || {
             let layout = gpu.layout(name, &[&[UNIFORM][..], buffers].concat());
-            let mut pipelines = compile(ShaderSource::Naga(Cow::Owned(module)), &layout).into_iter();
+            let mut pipelines = gpu.pipelines(name, &module(source), &[&layout], entry_points).into_iter();
             entry_points.map(|name| {
                 let pipeline = pipelines.next().expect("each entry point has a pipeline");
                 Self { name, pipeline, layout: layout.clone() }

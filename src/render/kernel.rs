@@ -25,8 +25,8 @@ impl Pipeline {
                 &[UNIFORM, TEXEL_ARRAY, TEXEL_ARRAY, TEXEL_ARRAY, TEXEL_ARRAY, READ, TEXEL_ARRAY, READ],
             );
             let output_layout = gpu.layout("output", &[WRITE, TEXEL_ARRAY, READ, TEXEL_ARRAY]);
-            let source = wgpu::ShaderSource::Naga(Cow::Owned(kernel));
-            let [pipeline] = gpu.pipelines(name, source, &[&scene_layout, &output_layout], [name]);
+            let module = gpu.module(name, wgpu::ShaderSource::Naga(Cow::Owned(kernel)));
+            let [pipeline] = gpu.pipelines(name, &module, &[&scene_layout, &output_layout], [name]);
             Self { pipeline, scene_layout, output_layout }
         })
     }

@@ -1,7 +1,5 @@
 //! Runs one WGSL function in many invocations, and reads the records of light paths as bits for exact comparisons.
 
-use wgpu::ShaderStages;
-
 use crate::gpu::buffers::Results;
 use crate::gpu::pipeline::{READ, TEXEL_ARRAY, WRITE};
 use crate::gpu::{Gpu, shader};
@@ -41,49 +39,27 @@ pub(super) fn run(
     let own = vec![(0, input.as_entire_binding(), true), (1, output.buffer.as_entire_binding(), false)];
     let groups = [shared, own];
     let request = output.launch(gpu, "test", bytes, |encoder| {
-        let layouts = groups.each_ref().map(|group| layout(gpu, group));
-        let source = wgpu::ShaderSource::Wgsl(text.into());
-        let [pipeline] = gpu.pipelines("test", source, &layouts.each_ref(), ["main"]);
+        let layouts = groups.each_ref().map(|group| {
+            let ty = |resource: &_, is_read| match resource {
+                wgpu::BindingResource::TextureView(_) => TEXEL_ARRAY,
+                _ if is_read => READ,
+                _ => WRITE,
+            };
+            gpu.layout_at("test", group.iter().map(|(at, resource, is_read)| (*at, ty(resource, *is_read))))
+        });
+        let module = gpu.module("test", wgpu::ShaderSource::Wgsl(text.into()));
+        let [pipeline] = gpu.pipelines("test", &module, &layouts.each_ref(), ["main"]);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&pipeline);
         for ((index, layout), group) in (0..).zip(&layouts).zip(&groups) {
-            pass.set_bind_group(index, &bind_group(gpu, layout, group), &[]);
+            let resources = group.iter().map(|(at, resource, _)| (*at, resource.clone()));
+            pass.set_bind_group(index, &gpu.bind_at("test", layout, resources), &[]);
         }
         pass.dispatch_workgroups(count.div_ceil(64) as u32, 1, 1);
     });
     let request = request.expect("the test's kernel runs");
     let view = request.wait(gpu).expect("results can be read back");
     bytemuck::cast_slice(&view).to_vec()
-}
-
-type Entry<'a> = (u32, wgpu::BindingResource<'a>, bool);
-
-fn layout(gpu: &Gpu, group: &[Entry<'_>]) -> wgpu::BindGroupLayout {
-    let entry = |(binding, resource, read_only): &Entry<'_>| wgpu::BindGroupLayoutEntry {
-        binding: *binding,
-        visibility: ShaderStages::COMPUTE,
-        ty: match resource {
-            wgpu::BindingResource::TextureView(_) => TEXEL_ARRAY,
-            _ if *read_only => READ,
-            _ => WRITE,
-        },
-        count: None,
-    };
-    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: None,
-        entries: &group.iter().map(entry).collect::<Vec<_>>(),
-    })
-}
-
-fn bind_group(gpu: &Gpu, layout: &wgpu::BindGroupLayout, group: &[Entry<'_>]) -> wgpu::BindGroup {
-    let entries = group
-        .iter()
-        .map(|(binding, resource, _)| wgpu::BindGroupEntry { binding: *binding, resource: resource.clone() });
-    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout,
-        entries: &entries.collect::<Vec<_>>(),
-    })
 }
 
 /// The record of one path as bits: rays, direct light, ambient light, and connections (camera pixel, projector pixel, value).

@@ -147,10 +147,10 @@ fn unchecked<const N: usize>(
     constants: &[(&str, f64)],
     buffers: &[wgpu::BindingType],
 ) -> Result<[Kernel; N]> {
-    Kernel::all(gpu, name, entry_points, constants, buffers, |source, layout| {
+    Kernel::all(gpu, name, entry_points, constants, buffers, |source| {
         // SAFETY: indices follow from counts that the kernels themselves have made: of contributions, terms and entries. Buffers have room
         // for the largest possible counts, and loops count up to them.
-        unsafe { gpu.unchecked_pipelines(name, source, &[layout], entry_points) }
+        unsafe { gpu.unchecked_module(name, source) }
     })
 }
 

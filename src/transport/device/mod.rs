@@ -23,7 +23,7 @@ use self::kernels::{Assembly, BLOCK, Kernels, PIXELS_OF_GROUP, Packing, SUMS, sp
 use self::parts::{ClassRange, Endpoint, Parts};
 use self::rows::Rows;
 use super::assembled::{Assembled, shape};
-use super::gpu_matrix::{DeviceLayer, GpuMatrix};
+use super::gpu_matrix::{self, DeviceLayer, GpuMatrix};
 use super::layer::Layer;
 use super::noise::{Halves, Noise, relative};
 use super::spread::classes;
@@ -242,7 +242,8 @@ impl<'a> Assembling<'a> {
         };
         let of_host = layers.iter().map(|layer| Layer::on_device(Arc::clone(layer))).collect();
         let matrix = TransportMatrix::new(rig, self.channels, direct, of_host);
-        let gpu_matrix = Some(GpuMatrix::of_layers(gpu, &matrix, layers, transposed)?);
+        let limits = gpu_matrix::Limits::of(gpu);
+        let gpu_matrix = Some(GpuMatrix::of_layers(gpu, &matrix, layers, transposed, limits)?);
         Ok((Assembled { matrix, ambient, noise, summary, gpu_matrix }, unfinished))
     }
 }

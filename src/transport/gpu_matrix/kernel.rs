@@ -20,7 +20,7 @@ const ON_GPU: Limits = Limits { entries: 1 << 27, rows: 1 << 24 };
 pub(super) const ON_PROCESSOR: Limits = Limits { entries: 1 << 22, rows: 1 << 15 };
 
 impl Limits {
-    pub(super) fn of(gpu: &Gpu) -> Self {
+    pub(in crate::transport) fn of(gpu: &Gpu) -> Self {
         let Self { entries, rows } = if gpu.summary.is_processor() { ON_PROCESSOR } else { ON_GPU };
         let room = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer) / 4;
         Self { entries: entries.min(usize::try_from(room).unwrap_or(usize::MAX)), rows }
@@ -75,10 +75,9 @@ pub(super) struct Kernel {
 impl Kernel {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
         let buffers = [READ, READ, READ, READ, READ, WRITE];
-        let [kernel] =
-            pipeline::Kernel::all(gpu, "product", ["product"], &[], &buffers, |source, layout| {
-                gpu.pipelines("product", source, &[layout], ["product"])
-            })?;
+        let [kernel] = pipeline::Kernel::all(gpu, "product", ["product"], &[], &buffers, |source| {
+            gpu.module("product", source)
+        })?;
         Ok(Self { kernel, nothing: gpu.storage("nothing", &[0.0_f32])? })
     }
 

@@ -43,7 +43,6 @@ pub struct GpuMatrix {
 }
 
 /// The transpose and the dispatches, which are made at first use. A product locks them, because all products use the same vector buffers.
-#[derive(Default)]
 struct State {
     transposed: Option<Vec<Arc<DeviceLayer>>>,
     products: Vec<(Product, Vec<Step>)>,
@@ -73,7 +72,7 @@ impl GpuMatrix {
         let on_processor = "take the products on the processor: --products cpu";
         gpu.require_double_precision("products").map_err(|error| error.help(on_processor))?;
         let layers = matrix.layers.iter().map(layer).collect::<Result<_>>()?;
-        Self::with(gpu, matrix, layers, State::default(), limits)
+        Self::of_layers(gpu, matrix, layers, None, limits)
     }
 
     /// A matrix whose layers are on the device already. `transposed` has the layers of the transpose, if the rig is not coaxial.
@@ -82,16 +81,6 @@ impl GpuMatrix {
         matrix: &TransportMatrix,
         layers: Vec<Arc<DeviceLayer>>,
         transposed: Option<Vec<Arc<DeviceLayer>>>,
-    ) -> Result<Self> {
-        let state = State { transposed, products: Vec::new() };
-        Self::with(gpu, matrix, layers, state, Limits::of(gpu))
-    }
-
-    fn with(
-        gpu: &Gpu,
-        matrix: &TransportMatrix,
-        layers: Vec<Arc<DeviceLayer>>,
-        state: State,
         limits: Limits,
     ) -> Result<Self> {
         let kernel = gpu.kept("product", || Kernel::new(gpu))?;
@@ -102,7 +91,7 @@ impl GpuMatrix {
         let diagonals = matrix.direct.iter().map(|plane| gpu.storage("matrix's diagonal", plane));
         let diagonals = diagonals.collect::<Result<_>>()?;
         let has_diagonal = matrix.direct.iter().all(|plane| plane.len() == rig.camera.pixels());
-        let (state, gpu) = (Mutex::new(state), gpu.clone());
+        let (state, gpu) = (Mutex::new(State { transposed, products: Vec::new() }), gpu.clone());
         Ok(Self { gpu, kernel, rig, layers, diagonals, has_diagonal, limits, from, to, state })
     }
 
