@@ -144,10 +144,8 @@ impl Parameters {
 
 #[cfg(test)]
 mod tests {
-    use std::mem::size_of;
-
     use super::*;
-    use crate::gpu::layout::{assert_layout, offsets};
+    use crate::gpu::layout::assert_layout;
 
     #[test]
     fn exactly_the_shaders_overrides_are_set() {
@@ -162,14 +160,12 @@ mod tests {
 
     #[test]
     fn parameters_have_the_layout_of_the_shader() {
-        let members = offsets!(
-            Parameters: start, end, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, end_to_start,
+        assert_layout!(
+            "trace_paths", "Parameters", Parameters: start, end, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, end_to_start,
             scale, gather_radius, inverse_cell, bucket_mask, stride, sampling, paths_per_invocation, photons
         );
-        assert_layout("trace_paths", "Parameters", members, size_of::<Parameters>());
-        let members = offsets!(
-            GpuEndpoint: right, radius, up, focus, back, padding, position, padding2, tangent, resolution
+        assert_layout!(
+            "trace_paths", "Endpoint", GpuEndpoint: right, radius, up, focus, back, padding, position, padding2, tangent, resolution
         );
-        assert_layout("trace_paths", "Endpoint", members, size_of::<GpuEndpoint>());
     }
 }

@@ -146,6 +146,11 @@ impl<'a> Parts<'a> {
         &self.endpoints[self.endpoints.len() - 1]
     }
 
+    fn current_mut(&mut self) -> &mut Endpoint {
+        let last = self.endpoints.len() - 1;
+        &mut self.endpoints[last]
+    }
+
     /// An empty arena for terms from the part `first` on.
     fn arena(&self, first: u32, room: u64) -> Result<Arena> {
         let (gpu, endpoint) = (self.of.gpu, self.current());
@@ -213,11 +218,9 @@ impl Consumer for Parts<'_> {
         if !self.current().arenas.last().is_some_and(has_room) {
             let wanted = most_of(paths - of.first_path);
             let arena = self.arena(first, wanted.min(self.of.limits.arena).max(most).max(1))?;
-            let last = self.endpoints.len() - 1;
-            self.endpoints[last].arenas.push(arena);
+            self.current_mut().arenas.push(arena);
         }
-        let last = self.endpoints.len() - 1;
-        let arenas = &mut self.endpoints[last].arenas;
+        let arenas = &mut self.current_mut().arenas;
         let index = arenas.len() - 1;
         let arena = &mut arenas[index];
         let samples = u64::from(base.samples);
@@ -247,9 +250,8 @@ impl Consumer for Parts<'_> {
         let Some(InFlight { arena, paths, top }) = self.in_flight.pop_front() else { return Ok(()) };
         self.finished += u64::from(paths);
         let top = bytemuck::cast_slice::<u8, u32>(&top.wait(self.of.gpu)?)[0];
-        let last = self.endpoints.len() - 1;
-        let endpoint = &mut self.endpoints[last];
-        endpoint.arenas[arena].terms = u64::from(top);
+        self.current_mut().arenas[arena].terms = u64::from(top);
+        let endpoint = self.current();
         // Each term of a coaxial rig goes to two rows.
         let expected = 2.0 * endpoint.terms() as f64 * endpoint.paths as f64 / self.finished.max(1) as f64;
         if self.finished >= ENOUGH && expected > f64::from(u32::MAX) {

@@ -108,6 +108,8 @@ fn a_scene_has_the_matrix_of_the_host() {
     let settings = TraceSettings::new(Resolution::new(20, 16), 24);
     let wide = TraceSettings { projector: Some(Resolution::new(9, 31)), ..settings };
     let many = TraceSettings { samples: 501, resolution: Resolution::new(9, 8), ..settings };
+    let one = TraceSettings { samples: 1, ..settings };
+    let direct = TraceSettings { max_bounces: 1, ..settings };
     let (luma, rgb) = (Channels::Luma, Channels::Rgb);
     let cases = [
         ("colours, layers", builtin::cornell().to_scene(), settings, (rgb, true)),
@@ -119,18 +121,8 @@ fn a_scene_has_the_matrix_of_the_host() {
         ("a projector apart", apart(builtin::carton().to_scene(), 0.2), settings, (rgb, true)),
         ("other pixels", apart(builtin::mirror().to_scene(), 0.2), wide, (luma, false)),
         ("many samples", builtin::cornell().to_scene(), many, (luma, false)),
-        (
-            "one sample",
-            builtin::cornell().to_scene(),
-            TraceSettings { samples: 1, ..settings },
-            (luma, false),
-        ),
-        (
-            "direct light",
-            builtin::corner().to_scene(),
-            TraceSettings { max_bounces: 1, ..settings },
-            (luma, false),
-        ),
+        ("one sample", builtin::cornell().to_scene(), one, (luma, false)),
+        ("direct light", builtin::corner().to_scene(), direct, (luma, false)),
     ];
     for (name, scene, settings, of) in cases {
         let host = traced(&scene, false, &settings, of);

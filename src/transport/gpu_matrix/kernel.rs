@@ -110,12 +110,11 @@ fn bits(terms: Terms) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::layout::{assert_constant, assert_layout, offsets};
+    use crate::gpu::layout::{assert_constant, assert_layout};
 
     #[test]
     fn bands_lie_as_the_shader_reads_them() {
-        let members = offsets!(Parameters: first_row, rows, terms, padding);
-        assert_layout("product", "Band", members, size_of::<Parameters>());
+        assert_layout!("product", "Band", Parameters: first_row, rows, terms, padding);
         assert_constant("product", "ROWS_OF_GROUP", ROWS_OF_GROUP);
         let (diagonal, adds) = (Terms { diagonal: true, adds: false }, Terms { diagonal: false, adds: true });
         assert_constant("product", "HAS_ENTRIES", HAS_ENTRIES);

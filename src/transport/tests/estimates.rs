@@ -105,19 +105,9 @@ fn a_check_has_fewer_samples_for_more_pixels_and_enough_to_tell_its_noise() {
         assert_eq!(TraceSettings { samples, ..fewer }, settings, "nothing else differs");
         fewer.samples
     };
-    let of = [
-        (1, 64),
-        (16, 64),
-        (24, 64),
-        (32, 64),
-        (64, 64),
-        (128, 64),
-        (128, 16),
-        (1024, 64),
-        (128, 3),
-        (128, 1),
-    ];
+    let sizes = [1, 16, 24, 32, 64, 128, 128, 1024, 128, 128];
+    let given = [64, 64, 64, 64, 64, 64, 16, 64, 3, 1];
     let expected = [64, 64, 64, 64, 64, 32, 8, 4, 3, 1];
-    assert_eq!(of.map(|(size, count)| samples(size, count, None)), expected);
+    assert_eq!([0, 1, 2, 3, 4, 5, 6, 7, 8, 9].map(|at| samples(sizes[at], given[at], None)), expected);
     assert_eq!(samples(128, 64, Some(Resolution::new(64, 64))), 64, "a projector with pixels of its own");
 }
