@@ -108,18 +108,8 @@ mod tests {
     fn key() -> Key {
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/corner/scene.glb");
         let scene = crate::scene::load(&scene, None).expect("shipped scenes load");
-        let adapter = AdapterSummary {
-            name: "none".into(),
-            kind: "software".into(),
-            driver: String::new(),
-            driver_version: String::new(),
-            max_storage_binding: 0,
-            max_buffer: 0,
-            max_texture_side: 0,
-            double_precision: false,
-        };
         let settings = TraceSettings::new(Resolution::new(2, 2), 4);
-        Key::new(&scene, &adapter, &settings, Channels::Luma, false)
+        Key::new(&scene, &AdapterSummary::default(), &settings, Channels::Luma, false)
     }
 
     /// A valid symmetric matrix of 2×2 pixels with two entries. The file contains only the entry above the diagonal.

@@ -57,13 +57,9 @@ mod tests {
     fn adapter(driver_version: &str) -> AdapterSummary {
         AdapterSummary {
             name: "a card".into(),
-            kind: "discrete GPU".into(),
             driver: "a driver".into(),
             driver_version: driver_version.into(),
-            max_storage_binding: 1 << 30,
-            max_buffer: 1 << 30,
-            max_texture_side: 16384,
-            double_precision: false,
+            ..AdapterSummary::default()
         }
     }
 

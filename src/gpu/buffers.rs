@@ -1,5 +1,6 @@
 //! Storage buffers; storage textures, which replace them if loads from buffers are slow; and results that the host reads back.
 
+use std::ops::Deref;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
@@ -124,18 +125,11 @@ impl Gpu {
     }
 }
 
-/// The buffer of a kernel's results, with a staging buffer if the host cannot read results in place. Clones share the buffers.
-#[derive(Clone)]
+/// The buffer of a kernel's results, with a staging buffer if the host cannot read results in place.
 pub(crate) struct Results {
     pub(crate) buffer: wgpu::Buffer,
-    /// The staging buffer; `None` if the host reads results in place (see [`Gpu::shares_memory`]).
+    /// The staging buffer; `None` if the host reads results in place (see [`Gpu::shares_memory`]) or never.
     readback: Option<wgpu::Buffer>,
-}
-
-pub(crate) struct Readback {
-    submission: wgpu::SubmissionIndex,
-    mapped: Receiver<std::result::Result<(), wgpu::BufferAsyncError>>,
-    bytes: u64,
 }
 
 impl Results {
@@ -154,59 +148,79 @@ impl Results {
         Ok(Self { buffer: gpu.buffer(label, bytes, BufferUsages::STORAGE)?, readback: None })
     }
 
-    /// Results that were copied to the staging buffer `readback`.
-    pub(crate) fn through(readback: &wgpu::Buffer) -> Self {
-        Self { buffer: readback.clone(), readback: Some(readback.clone()) }
-    }
-
-    /// Submits `encoder`, followed by a copy of the first `bytes` to the staging buffer, if there is one. Must be called within
-    /// [`Gpu::guarded`].
-    pub(crate) fn submit(
+    /// Submits the commands that `record` records, and requests the first `bytes` of their results.
+    pub(crate) fn launch(
         &self,
         gpu: &Gpu,
-        mut encoder: wgpu::CommandEncoder,
+        what: &str,
         bytes: u64,
-    ) -> wgpu::SubmissionIndex {
-        self.copy(&mut encoder, bytes);
-        gpu.queue.submit([encoder.finish()])
+        record: impl FnOnce(&mut wgpu::CommandEncoder),
+    ) -> Result<Readback> {
+        let submission = gpu.submit(what, |encoder| {
+            record(encoder);
+            if let Some(readback) = &self.readback {
+                encoder.copy_buffer_to_buffer(&self.buffer, 0, readback, 0, bytes);
+            }
+        })?;
+        Ok(Readback::request(self.readback.as_ref().unwrap_or(&self.buffer), bytes, submission))
     }
+}
 
-    /// Records a copy of the first `bytes` of the results to the staging buffer, if there is one.
-    pub(crate) fn copy(&self, encoder: &mut wgpu::CommandEncoder, bytes: u64) {
-        if let Some(readback) = &self.readback {
-            encoder.copy_buffer_to_buffer(&self.buffer, 0, readback, 0, bytes);
-        }
-    }
+/// A requested part of a buffer that the host can map.
+pub(crate) struct Readback {
+    buffer: wgpu::Buffer,
+    submission: wgpu::SubmissionIndex,
+    mapped: Receiver<std::result::Result<(), wgpu::BufferAsyncError>>,
+    bytes: u64,
+}
 
-    /// Requests the first `bytes` of the results as they are after `submission`.
-    pub(crate) fn request(&self, bytes: u64, submission: wgpu::SubmissionIndex) -> Readback {
+impl Readback {
+    /// Requests the first `bytes` of the buffer as they are after `submission`.
+    pub(crate) fn request(buffer: &wgpu::Buffer, bytes: u64, submission: wgpu::SubmissionIndex) -> Self {
         let (sender, mapped) = std::sync::mpsc::channel();
-        self.readable().map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
+        buffer.map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
             // Sending fails if an interruption has dropped the receiver, which is harmless.
             let _ = sender.send(outcome);
         });
-        Readback { submission, mapped, bytes }
+        Self { buffer: buffer.clone(), submission, mapped, bytes }
     }
 
-    /// Waits for requested results. Before the device writes to the buffer again, drop the view and call [`Results::release`].
-    pub(crate) fn wait(&self, gpu: &Gpu, request: Readback) -> Result<wgpu::BufferView> {
-        gpu.wait(Some(request.submission))?;
+    /// Waits for the bytes. The device may write to the buffer again when they have been dropped.
+    pub(crate) fn wait(self, gpu: &Gpu) -> Result<Mapped> {
+        gpu.wait(Some(self.submission))?;
         let lost =
             |reason: &dyn std::fmt::Display| gpu.lost(&format!("results cannot be read back ({reason})"));
         // The device has done the work, so the answer is on its way; another thread that waits may be about to deliver it.
-        match request.mapped.recv_timeout(DELIVERY) {
-            Ok(Ok(())) => self.readable().get_mapped_range(0..request.bytes).map_err(|e| lost(&e)),
+        match self.mapped.recv_timeout(DELIVERY) {
+            Ok(Ok(())) => {
+                let view = self.buffer.get_mapped_range(0..self.bytes).map_err(|e| lost(&e))?;
+                Ok(Mapped { view, _unmap: Unmap(self.buffer) })
+            }
             Ok(Err(e)) => Err(lost(&e)),
             Err(e) => Err(lost(&e)),
         }
     }
+}
 
-    /// Makes the results writable for the device again.
-    pub(crate) fn release(&self) {
-        self.readable().unmap();
+/// Bytes of a buffer that the host reads in place.
+pub(crate) struct Mapped {
+    // The view must be dropped before the buffer is unmapped.
+    view: wgpu::BufferView,
+    _unmap: Unmap,
+}
+
+impl Deref for Mapped {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.view
     }
+}
 
-    fn readable(&self) -> &wgpu::Buffer {
-        self.readback.as_ref().unwrap_or(&self.buffer)
+struct Unmap(wgpu::Buffer);
+
+impl Drop for Unmap {
+    fn drop(&mut self) {
+        self.0.unmap();
     }
 }

@@ -26,7 +26,7 @@ const MEMORY_SHARE: u8 = 80;
 const ADDRESS_SPACE: u64 = 1 << 30;
 
 /// Name, driver and limits of an adapter.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct AdapterSummary {
     /// The device's name, e.g. `llvmpipe (LLVM 15.0.6, 256 bits)`.
     pub name: String,
@@ -232,7 +232,7 @@ impl Gpu {
     }
 
     pub(crate) fn pipeline_cache(&self) -> Option<&wgpu::PipelineCache> {
-        self.compiled.as_ref().map(Compiled::cache)
+        self.compiled.as_ref().map(|compiled| &compiled.cache)
     }
 
     /// Runs `work`. A failure, a lack of memory, or the loss of the device becomes an error instead of a panic.
@@ -273,19 +273,29 @@ impl Gpu {
         self.failure.get().map_or(Ok(()), |why| Err(self.lost(why)))
     }
 
+    /// Fails with [`Error::Device`] if shaders cannot calculate in `f64`, which `what` need.
+    pub(crate) fn require_double_precision(&self, what: &str) -> Result<()> {
+        if self.summary.double_precision {
+            return Ok(());
+        }
+        Err(Error::device(format!("{} cannot calculate in f64, which {what} need", self.summary.name)))
+    }
+
     pub(super) fn lost(&self, why: &str) -> Error {
         let why = why.trim().trim_end_matches('.');
         Error::device(format!("{} was lost: {why}", self.summary.name)).help(LOST)
     }
 }
 
-/// All adapters of this machine. The list may be empty. Fails with [`Error::Device`] if this process has too little address space.
-pub(crate) fn adapters() -> Result<Vec<AdapterSummary>> {
+/// All graphics adapters of this machine that can trace. The list may be empty. The call fails with [`Error::Device`] if `ulimit -v` leaves
+/// too little address space for a driver.
+pub fn adapters() -> Result<Vec<AdapterSummary>> {
     let share = may_have_gpu().then_some(MEMORY_SHARE);
     Driver::with(share, |driver| Ok(driver.adapters.iter().map(AdapterSummary::of).collect()))
 }
 
-pub(crate) fn no_adapter() -> Error {
+/// The error for a machine without any adapter. It says which packages to install.
+pub fn no_adapter() -> Error {
     Error::NoAdapter { detail: String::new(), help: INSTALL.into() }
 }
 
@@ -343,10 +353,6 @@ impl Compiled {
         let empty = open(device, None).get_data()?.len();
         let cache = open(device, data);
         Some(Self { cache, empty, restored: data.map(blake3::hash) })
-    }
-
-    pub(crate) fn cache(&self) -> &wgpu::PipelineCache {
-        &self.cache
     }
 
     /// All kernels so far as bytes; `None` if there are no kernels beside the restored ones.

@@ -40,7 +40,7 @@ fn fold_function(module: &Module, returns: &Returns, function: &mut Function) {
     function.named_expressions.clear();
     loop {
         let mut body = std::mem::take(&mut function.body);
-        let known = Known { module, returns, function, locals: HashMap::new() }.with_locals(&body);
+        let known = Known::new(module, returns, function, &body);
         let changed = fold_block(&known, &mut body);
         function.body = body;
         if !changed {
@@ -55,7 +55,7 @@ fn returned(module: &Module, returns: &Returns, function: &Function) -> Option<L
     let Some(Statement::Return { value: Some(value) }) = function.body.iter().find(|s| !goes_on(s)) else {
         return None;
     };
-    Known { module, returns, function, locals: HashMap::new() }.with_locals(&function.body).value(*value)
+    Known::new(module, returns, function, &function.body).value(*value)
 }
 
 /// Replaces each `if` whose condition is known by the branch that is taken. Returns whether any was replaced.
@@ -109,21 +109,21 @@ struct Known<'a> {
     locals: HashMap<Handle<LocalVariable>, Option<Handle<Expression>>>,
 }
 
-impl Known<'_> {
-    /// Adds the variables of `&&` and `||`. The parser turns `a && b` into an unnamed variable and an `if a`. Each branch stores to the
-    /// variable once, before the variable is read. If only one store is left after folding, its value is the variable's value.
-    fn with_locals(mut self, body: &Block) -> Self {
-        let function = self.function;
+impl<'a> Known<'a> {
+    /// What is known in a function with this body, which includes the variables of `&&` and `||`. The parser turns `a && b` into an unnamed
+    /// variable and an `if a`. Each branch stores to the variable once, before the variable is read. If only one store is left after folding,
+    /// its value is the variable's value.
+    fn new(module: &'a Module, returns: &'a Returns, function: &'a Function, body: &Block) -> Self {
+        let mut locals = HashMap::new();
         stores(body, &mut |pointer, value| {
             let Expression::LocalVariable(local) = function.expressions[pointer] else { return };
             let variable = &function.local_variables[local];
-            let is_bool =
-                matches!(self.module.types[variable.ty].inner, TypeInner::Scalar(naga::Scalar::BOOL));
+            let is_bool = matches!(module.types[variable.ty].inner, TypeInner::Scalar(naga::Scalar::BOOL));
             if variable.name.is_none() && variable.init.is_none() && is_bool {
-                self.locals.entry(local).and_modify(|only| *only = None).or_insert(Some(value));
+                locals.entry(local).and_modify(|only| *only = None).or_insert(Some(value));
             }
         });
-        self
+        Self { module, returns, function, locals }
     }
 
     fn value(&self, expression: Handle<Expression>) -> Option<Literal> {

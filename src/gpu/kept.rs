@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use wgpu::BufferUsages;
 
 use super::Gpu;
-use super::buffers::Results;
+use super::buffers::Readback;
 use super::lent::Waiting;
 use super::stopwatch::Stopwatch;
 use crate::error::Result;
@@ -73,49 +73,34 @@ impl Gpu {
         let mut before = None;
         for (batch, staging) in batches.iter().zip(staging.iter().cycle()) {
             let bytes = batch.iter().map(|piece| piece.2).sum();
-            let submission = self.guarded("read-back", || {
-                let mut encoder = self.encoder();
+            let submission = self.submit("read-back", |encoder| {
                 let mut to = 0;
                 for &(number, first, bytes) in batch {
                     encoder.copy_buffer_to_buffer(buffers[number].0, first, staging, to, bytes);
                     to += bytes;
                 }
-                self.queue.submit([encoder.finish()])
             })?;
-            let results = Results::through(staging);
-            let request = results.request(bytes, submission);
-            if let Some((results, request, batch)) = before.replace((results, request, batch)) {
-                self.deliver(&results, request, batch, &mut found)?;
+            let readback = Readback::request(staging, bytes, submission);
+            if let Some((readback, batch)) = before.replace((readback, batch)) {
+                deliver(&readback.wait(self)?, batch, &mut found);
             }
         }
-        if let Some((results, request, batch)) = before {
-            self.deliver(&results, request, batch, &mut found)?;
+        if let Some((readback, batch)) = before {
+            deliver(&readback.wait(self)?, batch, &mut found);
         }
         Ok(found)
     }
+}
 
-    fn deliver<T: Pod + Send + Sync>(
-        &self,
-        results: &Results,
-        request: super::buffers::Readback,
-        batch: &[Piece],
-        to: &mut [Vec<T>],
-    ) -> Result<()> {
-        let view = results.wait(self, request)?;
-        let mut left: &[T] = bytemuck::cast_slice(&view);
-        for &(number, first, bytes) in batch {
-            let count = bytes as usize / size_of::<T>();
-            let (piece, rest) = left.split_at(count);
-            let first = first as usize / size_of::<T>();
-            let to = &mut to[number][first..first + count];
-            to.par_chunks_mut(TASK)
-                .zip(piece.par_chunks(TASK))
-                .for_each(|(to, piece)| to.copy_from_slice(piece));
-            left = rest;
-        }
-        drop(view);
-        results.release();
-        Ok(())
+fn deliver<T: Pod + Send + Sync>(from: &[u8], batch: &[Piece], to: &mut [Vec<T>]) {
+    let mut left: &[T] = bytemuck::cast_slice(from);
+    for &(number, first, bytes) in batch {
+        let count = bytes as usize / size_of::<T>();
+        let (piece, rest) = left.split_at(count);
+        let first = first as usize / size_of::<T>();
+        let to = &mut to[number][first..first + count];
+        to.par_chunks_mut(TASK).zip(piece.par_chunks(TASK)).for_each(|(to, piece)| to.copy_from_slice(piece));
+        left = rest;
     }
 }
 
@@ -161,7 +146,7 @@ mod tests {
 
     #[test]
     fn buffers_of_any_size_are_read_as_they_were_written() {
-        let gpu = Gpu::open(None, 0).expect("the README's test command installs a Vulkan driver");
+        let gpu = Gpu::for_tests();
         let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         let arrays: Vec<Vec<u32>> = [1, 7, 5_000_000, 3]
             .map(|count: u32| (0..count).map(|at| at.wrapping_mul(0x9e37_79b9) ^ count).collect())
@@ -180,8 +165,7 @@ mod tests {
 
     #[test]
     fn a_thing_is_made_once_for_all_users_of_a_device() {
-        let [first, second] =
-            [(); 2].map(|()| Gpu::open(None, 0).expect("the README's test command installs a Vulkan driver"));
+        let [first, second] = [(); 2].map(|()| Gpu::for_tests());
         let name = "a_thing_is_made_once";
         assert_eq!(first.kept(name, || Ok(1_u8)).ok(), Some(1));
         assert_eq!(second.kept(name, || Ok(2_u8)).ok(), Some(1));

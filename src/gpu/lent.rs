@@ -86,9 +86,8 @@ mod tests {
 
     #[test]
     fn a_buffer_is_used_again_for_the_next_one_of_its_size() {
-        let gpu = Gpu::open(None, 0).expect("the README's test command installs a Vulkan driver");
         // A device of its own, whose buffers no other test takes.
-        let gpu = Gpu { kept: Arc::default(), ..gpu };
+        let gpu = Gpu { kept: Arc::default(), ..Gpu::for_tests() };
         let lend = |bytes| gpu.scratch("scratch", bytes).expect("it fits");
         let first = lend(1 << 20);
         let buffer = first.buffer.clone();

@@ -14,11 +14,18 @@ pub use device::AdapterSummary;
 pub(crate) use device::Gpu;
 pub(crate) use lent::Lent;
 
+#[cfg(test)]
+impl Gpu {
+    pub(crate) fn for_tests() -> Self {
+        Self::open(None, 0).expect("the README's test command installs a Vulkan driver")
+    }
+}
+
 /// Assertions for tests that shaders and host agree on the layouts of structures and on constants.
 #[cfg(test)]
 pub(crate) mod layout {
     /// Asserts that the WGSL struct `name` of shader `shader` has exactly these members, offsets and size.
-    pub(crate) fn assert_layout(shader: &str, name: &str, members: &[(&str, usize)], size: usize) {
+    pub(crate) fn assert_members(shader: &str, name: &str, members: &[(&str, usize)], size: usize) {
         let module = super::shader::module(shader).unwrap_or_else(|e| unreachable!("{e}"));
         let found = module.types.iter().find_map(|(_, ty)| match &ty.inner {
             naga::TypeInner::Struct { members, span } if ty.name.as_deref() == Some(name) => {
@@ -46,8 +53,16 @@ pub(crate) mod layout {
         );
     }
 
-    macro_rules! offsets {
-        ($ty:ty: $($member:ident),* $(,)?) => { &[$((stringify!($member), std::mem::offset_of!($ty, $member))),*] };
+    /// Asserts that a WGSL struct of a shader has exactly the members, offsets and size of a type.
+    macro_rules! assert_layout {
+        ($shader:literal, $name:literal, $ty:ty: $($member:ident),* $(,)?) => {
+            $crate::gpu::layout::assert_members(
+                $shader,
+                $name,
+                &[$((stringify!($member), std::mem::offset_of!($ty, $member))),*],
+                size_of::<$ty>(),
+            )
+        };
     }
-    pub(crate) use offsets;
+    pub(crate) use assert_layout;
 }

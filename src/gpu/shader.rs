@@ -6,57 +6,21 @@ use super::fold::fold;
 use crate::error::{Error, Result};
 
 macro_rules! shaders {
-    ($($folder:literal / $name:literal),* $(,)?) => {
+    ($($folder:literal: $($name:literal)*;)*) => {
         /// Every shader source by name: sources with entry points (`trace_paths`), and shared sources (`shared/bsdf`).
-        pub const SOURCES: &[(&str, &str)] = &[
-            $((
-                if $folder.is_empty() { $name } else { concat!($folder, "/", $name) },
-                include_str!(concat!("../../shaders/", $folder, "/", $name, ".wgsl")),
-            )),*
-        ];
+        pub const SOURCES: &[(&str, &str)] = &[$($((
+            concat!($folder, $name),
+            include_str!(concat!("../../shaders/", $folder, $name, ".wgsl")),
+        )),*),*];
     };
 }
 
 shaders! {
-    "" / "assemble_pack",
-    "" / "assemble_parts",
-    "" / "assemble_pixels",
-    "" / "assemble_rows",
-    "" / "assemble_scan",
-    "" / "assemble_scatter",
-    "" / "assemble_squares",
-    "" / "assemble_sums",
-    "" / "primary_regions",
-    "" / "product",
-    "" / "trace_paths",
-    "" / "trace_photons",
-    "shared" / "assembly",
-    "shared" / "bsdf",
-    "shared" / "bvh",
-    "shared" / "connect",
-    "shared" / "corners",
-    "shared" / "endpoint",
-    "shared" / "features",
-    "shared" / "footprint",
-    "shared" / "fresnel",
-    "shared" / "light_buffer",
-    "shared" / "lobes",
-    "shared" / "medium",
-    "shared" / "microfacet",
-    "shared" / "pairs",
-    "shared" / "parameters",
-    "shared" / "path",
-    "shared" / "photons",
-    "shared" / "reverse",
-    "shared" / "rng",
-    "shared" / "sampler",
-    "shared" / "scan",
-    "shared" / "sort",
-    "shared" / "start",
-    "shared" / "surface",
-    "shared" / "texture",
-    "shared" / "visibility",
-    "shared" / "warp",
+    "": "assemble_pack" "assemble_parts" "assemble_pixels" "assemble_rows" "assemble_scan" "assemble_scatter" "assemble_squares"
+        "assemble_sums" "primary_regions" "product" "trace_paths" "trace_photons";
+    "shared/": "assembly" "bsdf" "bvh" "connect" "corners" "endpoint" "features" "footprint" "fresnel" "light_buffer" "lobes" "medium"
+        "microfacet" "pairs" "parameters" "path" "photons" "reverse" "rng" "sampler" "scan" "sort" "start" "surface" "texture"
+        "visibility" "warp";
 }
 
 /// The complete WGSL of the entry point `name`, with its imports resolved. If it or an import is missing or invalid, the call fails with

@@ -75,10 +75,8 @@ impl Gpu {
         }
         let usage = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
         let to = self.buffer("times of passes", 8 * count as u64, usage)?;
-        self.guarded("timestamps", || {
-            let mut encoder = self.encoder();
+        self.submit("timestamps", |encoder| {
             encoder.resolve_query_set(&queries, 0..count as u32, &to, 0);
-            self.queue.submit([encoder.finish()]);
         })?;
         let ticks = self.read::<u64>(&to, count)?;
         let period = f64::from(self.queue.get_timestamp_period());

@@ -140,12 +140,7 @@ impl<'a> Batch<'a> {
 
     /// The connections of path `index`, by increasing bounces.
     pub fn connections(&self, index: usize) -> impl Iterator<Item = Connection> + '_ {
-        self.connections_from(self.pixel(index), index)
-    }
-
-    /// Works like [`Batch::connections`]. The caller already knows from [`Batch::runs`] that the path starts from `pixel`.
-    pub fn connections_from(&self, pixel: u32, index: usize) -> impl Iterator<Item = Connection> + '_ {
-        let from_camera = self.layout.from_camera;
+        let (pixel, from_camera) = (self.pixel(index), self.layout.from_camera);
         self.ends(index).filter(|end| end.is_seen).map(move |end| {
             let (camera, projector) = if from_camera { (pixel, end.pixel) } else { (end.pixel, pixel) };
             Connection { camera, projector, bounces: end.bounces, value: end.value }

@@ -5,6 +5,7 @@ use glam::{DMat3, DVec3, Vec3};
 use super::kernel::SceneFeatures;
 use super::materials::{MIN_ALPHA, NONE, pack_materials, pack_normal, pack_texels, srgb_table};
 use super::pairs::{Pair, pair_up};
+use super::strategy::axes;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::buffers::TEXTURE_WIDTH;
@@ -113,9 +114,7 @@ struct CameraFrame {
 
 impl CameraFrame {
     fn of(camera: &Camera, unit: Unit) -> Self {
-        let Camera { position, right, up, forward, .. } = camera;
-        let rotation = DMat3::from_cols(right.as_dvec3(), up.as_dvec3(), -forward.as_dvec3()).transpose();
-        Self { rotation, origin: position.as_dvec3(), unit }
+        Self { rotation: axes(camera).transpose(), origin: camera.position.as_dvec3(), unit }
     }
 
     fn point(&self, point: Vec3) -> Vec3 {

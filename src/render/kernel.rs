@@ -25,14 +25,14 @@ impl Pipeline {
                 &[UNIFORM, TEXEL_ARRAY, TEXEL_ARRAY, TEXEL_ARRAY, TEXEL_ARRAY, READ, TEXEL_ARRAY, READ],
             );
             let output_layout = gpu.layout("output", &[WRITE, TEXEL_ARRAY, READ, TEXEL_ARRAY]);
-            let source = wgpu::ShaderSource::Naga(Cow::Owned(kernel));
-            let [pipeline] = gpu.pipelines(name, source, &[&scene_layout, &output_layout], [name]);
+            let module = gpu.module(name, wgpu::ShaderSource::Naga(Cow::Owned(kernel)));
+            let [pipeline] = gpu.pipelines(name, &module, &[&scene_layout, &output_layout], [name]);
             Self { pipeline, scene_layout, output_layout }
         })
     }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(super) struct Features {
     pub(super) scene: SceneFeatures,
     /// Whether the scene emits light. If so, the paths record it.
@@ -48,7 +48,7 @@ pub(super) struct Features {
     pub(super) several_paths: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(super) struct SceneFeatures {
     /// Every surface is plain Lambertian.
     pub(super) matte: bool,
@@ -71,34 +71,24 @@ pub(super) struct SceneFeatures {
 
 impl Features {
     fn constants(&self) -> [(&'static str, f64); 15] {
-        let SceneFeatures {
-            matte,
-            corners,
-            facets,
-            transmits,
-            chains,
-            passable,
-            media,
-            small_tree,
-            few_pairs,
-        } = self.scene;
+        let scene = &self.scene;
         let flag = |set: bool| f64::from(u8::from(set));
         [
-            ("MATTE", flag(matte)),
-            ("CORNERS", flag(corners)),
-            ("FACETS", flag(facets)),
-            ("TRANSMITS", flag(transmits)),
-            ("CHAINS", flag(chains)),
-            ("PASSABLE", flag(passable)),
-            ("MEDIA", flag(media)),
+            ("MATTE", flag(scene.matte)),
+            ("CORNERS", flag(scene.corners)),
+            ("FACETS", flag(scene.facets)),
+            ("TRANSMITS", flag(scene.transmits)),
+            ("CHAINS", flag(scene.chains)),
+            ("PASSABLE", flag(scene.passable)),
+            ("MEDIA", flag(scene.media)),
             ("AMBIENT", flag(self.ambient)),
             ("LENSES", flag(self.lenses)),
             ("COAXIAL_PINHOLE", flag(self.coaxial_pinhole)),
             ("ROULETTE", flag(self.roulette)),
             ("LIGHT_BUFFER_SIDE", f64::from(self.light_buffer_side)),
             ("SEVERAL_PATHS", flag(self.several_paths)),
-            ("SMALL_TREE", flag(small_tree)),
-            ("FEW_PAIRS", f64::from(few_pairs)),
+            ("SMALL_TREE", flag(scene.small_tree)),
+            ("FEW_PAIRS", f64::from(scene.few_pairs)),
         ]
     }
 }
@@ -143,39 +133,26 @@ pub(super) struct Parameters {
     pub(super) photons: u32,
 }
 
+impl Parameters {
+    /// The parameters of a dispatch of these paths. Paths are numbered `pixel · samples + sample`.
+    pub(super) fn of_paths(self, first_path: u64, paths: u32, mark: u32) -> Self {
+        let samples = u64::from(self.samples);
+        let (first_pixel, first_sample) = ((first_path / samples) as u32, (first_path % samples) as u32);
+        Self { first_pixel, first_sample, paths, mark, ..self }
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use std::mem::size_of;
-
     use super::*;
-    use crate::gpu::layout::{assert_layout, offsets};
+    use crate::gpu::layout::assert_layout;
 
     #[test]
     fn exactly_the_shaders_overrides_are_set() {
-        let scene = SceneFeatures {
-            matte: true,
-            corners: true,
-            facets: true,
-            transmits: true,
-            chains: true,
-            passable: true,
-            media: true,
-            small_tree: true,
-            few_pairs: 4,
-        };
-        let features = Features {
-            scene,
-            ambient: true,
-            lenses: true,
-            coaxial_pinhole: true,
-            roulette: true,
-            light_buffer_side: 128,
-            several_paths: true,
-        };
         let module = shader::module("trace_paths").unwrap_or_else(|e| unreachable!("{e}"));
         let mut declared: Vec<_> =
             module.overrides.iter().filter_map(|(_, constant)| constant.name.clone()).collect();
-        let mut set: Vec<_> = features.constants().iter().map(|(name, _)| (*name).to_owned()).collect();
+        let mut set: Vec<_> = Features::default().constants().map(|(name, _)| name.to_owned()).into();
         declared.sort();
         set.sort();
         assert_eq!(declared, set);
@@ -183,14 +160,12 @@ mod tests {
 
     #[test]
     fn parameters_have_the_layout_of_the_shader() {
-        let members = offsets!(
-            Parameters: start, end, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, end_to_start,
+        assert_layout!(
+            "trace_paths", "Parameters", Parameters: start, end, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, end_to_start,
             scale, gather_radius, inverse_cell, bucket_mask, stride, sampling, paths_per_invocation, photons
         );
-        assert_layout("trace_paths", "Parameters", members, size_of::<Parameters>());
-        let members = offsets!(
-            GpuEndpoint: right, radius, up, focus, back, padding, position, padding2, tangent, resolution
+        assert_layout!(
+            "trace_paths", "Endpoint", GpuEndpoint: right, radius, up, focus, back, padding, position, padding2, tangent, resolution
         );
-        assert_layout("trace_paths", "Endpoint", members, size_of::<GpuEndpoint>());
     }
 }

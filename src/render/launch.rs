@@ -16,7 +16,7 @@ use super::settings::TraceSummary;
 use super::strategy::Strategy;
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::gpu::buffers::{Readback, Results};
+use crate::gpu::buffers::{Mapped, Readback, Results};
 
 pub(super) struct SizedKernel {
     pub(super) pipeline: Arc<Pipeline>,
@@ -49,7 +49,7 @@ pub(super) struct StrategyRun<'a> {
 }
 
 impl<'a> StrategyRun<'a> {
-    /// Prepares buffers and bindings for the paths with these numbers. Buffers of `staging` that are large enough are reused.
+    /// Prepares buffers and bindings for the paths with these numbers. Buffers of `results` that are large enough are reused.
     pub(super) fn new(
         gpu: &'a Gpu,
         scene: &'a GpuScene,
@@ -57,7 +57,7 @@ impl<'a> StrategyRun<'a> {
         paths: Range<u64>,
         kernel: &'a mut SizedKernel,
         dispatches: &'a mut Dispatches,
-        mut staging: Vec<StagingBuffers>,
+        mut results: Vec<Results>,
     ) -> Result<Self> {
         let stride = u64::from(strategy.parameters.stride);
         let total = paths.end - paths.start;
@@ -69,16 +69,16 @@ impl<'a> StrategyRun<'a> {
         // free for the host. A dispatch in flight would occupy them: the driver gives each core an equal part of it, and all cores would
         // wait for the core that the host also uses.
         let wanted = if gpu.shares_memory { 1 } else { 2 };
-        staging.retain(|buffers| buffers.bytes() >= bytes);
-        staging.truncate(wanted);
-        while staging.len() < wanted {
-            staging.push(StagingBuffers::new(gpu, bytes)?);
+        results.retain(|results| results.buffer.size() >= bytes);
+        results.truncate(wanted);
+        while results.len() < wanted {
+            results.push(Results::new(gpu, "path records", bytes)?);
         }
-        let output = |buffers: StagingBuffers| {
+        let output = |results: Results| {
             let (chains, light_buffer) = (&strategy.chains, &strategy.light_buffer);
-            Output::new(gpu, &kernel.pipeline, scene, chains, light_buffer, buffers)
+            Output::new(gpu, &kernel.pipeline, scene, chains, light_buffer, results)
         };
-        let outputs = staging.into_iter().map(output).collect::<Result<Vec<Output>>>()?;
+        let outputs = results.into_iter().map(output).collect::<Result<Vec<Output>>>()?;
         let in_flight = VecDeque::new();
         let idle_since = Instant::now();
         Ok(Self {
@@ -103,17 +103,12 @@ impl<'a> StrategyRun<'a> {
 
     pub(super) fn launch(&mut self, summary: &mut TraceSummary) -> Result<()> {
         let Self { strategy, left, kernel: SizedKernel { sizer, .. }, .. } = self;
-        let samples = u64::from(strategy.parameters.samples);
         // The number of paths is at most the capacity, which is a 32-bit number.
         let first_path = left.start;
         let paths = u64::from(sizer.paths(self.capacity)).min(left.end - first_path) as u32;
         let parameters = Parameters {
-            first_pixel: (first_path / samples) as u32,
-            first_sample: (first_path % samples) as u32,
-            paths,
-            mark: self.dispatches.mark(),
             paths_per_invocation: sizer.paths_per_invocation(paths, strategy.max_paths_per_invocation),
-            ..strategy.parameters
+            ..strategy.parameters.of_paths(first_path, paths, self.dispatches.mark())
         };
         let output = summary.dispatches as usize % self.outputs.len();
         let start = Instant::now();
@@ -137,8 +132,8 @@ impl<'a> StrategyRun<'a> {
         let InFlight { output, readback, start, first_path, mut parameters } = oldest;
         let output = &self.outputs[output];
         let layout = self.strategy.layout;
-        let mut view = output.wait(self.gpu, readback)?;
-        let counted = |view: &wgpu::BufferView, mark: u32| {
+        let mut view = readback.wait(self.gpu)?;
+        let counted = |view: &Mapped, mark: u32| {
             Batch::new(first_path, layout, bytemuck::cast_slice(view)).unfinished_and_rays(mark)
         };
         let (mut unfinished, mut rays) = counted(&view, parameters.mark);
@@ -147,7 +142,6 @@ impl<'a> StrategyRun<'a> {
             self.kernel.sizer.one_path_each();
             parameters = Parameters { paths_per_invocation: 1, mark: self.dispatches.mark(), ..parameters };
             drop(view);
-            output.release();
             let bytes = record_bytes(&parameters, parameters.paths);
             view = output.run(self.gpu, &parameters, bytes)?;
             (unfinished, rays) = counted(&view, parameters.mark);
@@ -164,8 +158,6 @@ impl<'a> StrategyRun<'a> {
         summary.paths += batch.len() as u64;
         summary.longest = summary.longest.max(elapsed);
         summary.tracing += elapsed;
-        drop(view);
-        output.release();
         self.kernel.sizer.adapt(parameters.paths, elapsed);
         Ok(true)
     }
@@ -175,38 +167,11 @@ pub(super) fn record_bytes(parameters: &Parameters, paths: u32) -> u64 {
     u64::from(paths) * u64::from(parameters.stride) * 16
 }
 
-/// The staging buffers of one dispatch: its parameters, and its results.
-pub(super) struct StagingBuffers {
-    parameters: wgpu::Buffer,
-    pub(super) results: Results,
-}
-
-impl StagingBuffers {
-    pub(super) fn new(gpu: &Gpu, bytes: u64) -> Result<Self> {
-        Self::of(gpu, Results::new(gpu, "path records", bytes)?)
-    }
-
-    /// Buffers for records that stay on the device.
-    pub(super) fn resident(gpu: &Gpu, bytes: u64) -> Result<Self> {
-        Self::of(gpu, Results::resident(gpu, "path records", bytes)?)
-    }
-
-    fn of(gpu: &Gpu, results: Results) -> Result<Self> {
-        let uniform_bytes = size_of::<Parameters>() as u64;
-        let parameters =
-            gpu.buffer("parameters", uniform_bytes, BufferUsages::UNIFORM | BufferUsages::COPY_DST)?;
-        Ok(Self { parameters, results })
-    }
-
-    pub(super) fn bytes(&self) -> u64 {
-        self.results.buffer.size()
-    }
-}
-
-/// A kernel with its staging buffers and all its inputs. It serves one dispatch at a time.
+/// A kernel with its results and all its inputs. It serves one dispatch at a time.
 pub(super) struct Output {
     pipeline: wgpu::ComputePipeline,
-    pub(super) staging: StagingBuffers,
+    parameters: wgpu::Buffer,
+    pub(super) results: Results,
     scene_group: wgpu::BindGroup,
     output_group: wgpu::BindGroup,
 }
@@ -218,15 +183,17 @@ impl Output {
         scene: &GpuScene,
         chains: &PhotonMap,
         light_buffer: &wgpu::TextureView,
-        staging: StagingBuffers,
+        results: Results,
     ) -> Result<Self> {
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let parameters = gpu.buffer("parameters", size_of::<Parameters>() as u64, usage)?;
         gpu.guarded("bindings", || {
             let view = wgpu::BindingResource::TextureView;
             let scene_group = gpu.bind(
                 "scene",
                 &kernel.scene_layout,
                 [
-                    staging.parameters.as_entire_binding(),
+                    parameters.as_entire_binding(),
                     view(&scene.nodes),
                     view(&scene.pairs),
                     view(&scene.materials),
@@ -240,30 +207,25 @@ impl Output {
                 "output",
                 &kernel.output_layout,
                 [
-                    staging.results.buffer.as_entire_binding(),
+                    results.buffer.as_entire_binding(),
                     view(&chains.photons),
                     chains.buckets.as_entire_binding(),
                     view(light_buffer),
                 ],
             );
-            Self { pipeline: kernel.pipeline.clone(), staging, scene_group, output_group }
+            Self { pipeline: kernel.pipeline.clone(), parameters, results, scene_group, output_group }
         })
     }
 
     /// Submits one dispatch of `parameters.paths` paths, with `parameters.paths_per_invocation` paths for each invocation, and requests the
     /// first `bytes` of its results.
     pub(super) fn launch(&self, gpu: &Gpu, parameters: &Parameters, bytes: u64) -> Result<Readback> {
-        let submission = gpu.guarded("dispatch", || {
-            let mut encoder = gpu.encoder();
-            self.record(gpu, &mut encoder, parameters);
-            self.staging.results.submit(gpu, encoder, bytes)
-        })?;
-        Ok(self.staging.results.request(bytes, submission))
+        self.results.launch(gpu, "dispatch", bytes, |encoder| self.record(gpu, encoder, parameters))
     }
 
     /// Records one dispatch. Its parameters are those of the next submission.
     pub(super) fn record(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, parameters: &Parameters) {
-        gpu.queue.write_buffer(&self.staging.parameters, 0, bytemuck::bytes_of(parameters));
+        gpu.queue.write_buffer(&self.parameters, 0, bytemuck::bytes_of(parameters));
         let mut pass = gpu.pass(encoder, "tracing");
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.scene_group, &[]);
@@ -271,17 +233,7 @@ impl Output {
         pass.dispatch_workgroups(parameters.paths.div_ceil(64 * parameters.paths_per_invocation), 1, 1);
     }
 
-    /// Waits for a dispatch of this output, and returns its results. Before the next launch, drop the view and call [`Output::release`].
-    pub(super) fn wait(&self, gpu: &Gpu, in_flight: Readback) -> Result<wgpu::BufferView> {
-        self.staging.results.wait(gpu, in_flight)
-    }
-
-    pub(super) fn run(&self, gpu: &Gpu, parameters: &Parameters, bytes: u64) -> Result<wgpu::BufferView> {
-        self.wait(gpu, self.launch(gpu, parameters, bytes)?)
-    }
-
-    /// Makes the results writable for the device again. Their view must have been dropped.
-    pub(super) fn release(&self) {
-        self.staging.results.release();
+    pub(super) fn run(&self, gpu: &Gpu, parameters: &Parameters, bytes: u64) -> Result<Mapped> {
+        self.launch(gpu, parameters, bytes)?.wait(gpu)
     }
 }

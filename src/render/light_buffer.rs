@@ -128,15 +128,12 @@ impl Raster {
     }
 
     fn add(&mut self, pair: u32, corners: &[DVec3; 3]) {
-        if corners.iter().all(|corner| corner.z > -self.near) {
-            if self.touches_the_pinhole(corners) {
-                self.everywhere.push(pair);
-            }
+        let before = corners.iter().filter(|corner| corner.z > -self.near).count();
+        if before > 0 && self.touches_the_pinhole(corners) {
+            self.everywhere.push(pair);
             return;
         }
-        let is_cut = corners.iter().any(|corner| corner.z > -self.near);
-        if is_cut && self.touches_the_pinhole(corners) {
-            self.everywhere.push(pair);
+        if before == corners.len() {
             return;
         }
         let seen: Vec<Corner> = clip(corners, self.near).iter().map(|corner| self.project(*corner)).collect();

@@ -225,7 +225,7 @@ mod tests {
     use std::mem::{offset_of, size_of};
 
     use super::*;
-    use crate::gpu::layout::{assert_constant, assert_layout, offsets};
+    use crate::gpu::layout::{assert_constant, assert_layout};
     use crate::scene::Volume;
 
     #[test]
@@ -278,7 +278,6 @@ mod tests {
 
     #[test]
     fn textures_have_the_layout_of_the_shader() {
-        let members = offsets!(GpuTexture: u, first_texel, v, width, height, flags, padding);
-        assert_layout("trace_paths", "Texture", members, size_of::<GpuTexture>());
+        assert_layout!("trace_paths", "Texture", GpuTexture: u, first_texel, v, width, height, flags, padding);
     }
 }

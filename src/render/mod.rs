@@ -26,14 +26,4 @@ pub use settings::{MAX_BOUNCES, Sampler, StartPixels, TraceSettings, TraceSummar
 pub use tracer::Tracer;
 
 pub use crate::gpu::AdapterSummary;
-
-/// All graphics adapters of this machine that can trace. The list may be empty. The call fails with [`crate::Error::Device`] if `ulimit -v`
-/// leaves too little address space for a driver.
-pub fn adapters() -> crate::Result<Vec<AdapterSummary>> {
-    crate::gpu::device::adapters()
-}
-
-/// The error for a machine without any adapter. It says which packages to install.
-pub fn no_adapter() -> crate::Error {
-    crate::gpu::device::no_adapter()
-}
+pub use crate::gpu::device::{adapters, no_adapter};

@@ -11,11 +11,12 @@ use rayon::prelude::*;
 use super::dispatch::{Dispatches, unfinished_paths};
 use super::geometry::GpuScene;
 use super::kernel::{Features, GpuEndpoint, Parameters, Pipeline};
-use super::launch::{Output, StagingBuffers};
+use super::launch::Output;
 use super::light_buffer::no_light_buffer;
 use super::materials::NONE;
 use crate::error::Result;
 use crate::gpu::Gpu;
+use crate::gpu::buffers::Results;
 
 /// The maximum number of surfaces of a chain. Their number has four bits.
 const MAX_CHAIN: u32 = 15;
@@ -90,27 +91,23 @@ impl PhotonMap {
         let none = Self::empty(gpu)?;
         let words = 4 * u64::from(chain) + 1;
         let capacity = dispatches.capacity(gpu, words, 1, total);
-        let bytes = u64::from(capacity) * words * 16;
-        let staging = StagingBuffers::new(gpu, bytes)?;
-        let output = Output::new(gpu, &kernel, scene, &none, &no_light_buffer(gpu)?, staging)?;
+        let results = Results::new(gpu, "path records", u64::from(capacity) * words * 16)?;
+        let output = Output::new(gpu, &kernel, scene, &none, &no_light_buffer(gpu)?, results)?;
+        let parameters = Parameters {
+            start: endpoint,
+            end: endpoint,
+            samples: gather.photons,
+            // The seed differs from that of the gathering paths, so the random numbers are independent.
+            seed: base.seed ^ 0x5eed_f00d,
+            scale: (endpoint.image_area() / total as f64) as f32,
+            stride: chain,
+            ..base
+        };
         let mut photons: Vec<Photon> = Vec::new();
         let mut done = 0;
         while done < total {
             let paths = u64::from(capacity).min(total - done) as u32;
-            let parameters = Parameters {
-                start: endpoint,
-                end: endpoint,
-                first_pixel: (done / u64::from(gather.photons)) as u32,
-                first_sample: (done % u64::from(gather.photons)) as u32,
-                paths,
-                samples: gather.photons,
-                // The seed differs from that of the gathering paths, so the random numbers are independent.
-                seed: base.seed ^ 0x5eed_f00d,
-                mark: dispatches.mark(),
-                scale: (endpoint.image_area() / total as f64) as f32,
-                stride: chain,
-                ..base
-            };
+            let parameters = parameters.of_paths(done, paths, dispatches.mark());
             let bytes = u64::from(paths) * words * 16;
             let view = output.run(gpu, &parameters, bytes)?;
             let records: &[[u32; 4]] = bytemuck::cast_slice(&view);
@@ -120,8 +117,6 @@ impl PhotonMap {
                 let found = record[1..].as_chunks::<4>().0;
                 photons.extend(found.iter().filter(|photon| photon[0][0] != NONE));
             }
-            drop(view);
-            output.release();
             if unfinished > 0 {
                 return Err(unfinished_paths(unfinished, u64::from(paths), scene));
             }

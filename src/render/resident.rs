@@ -6,14 +6,13 @@ use std::time::Instant;
 
 use super::batch::RecordLayout;
 use super::dispatch::PathWork;
-use super::kernel::Parameters;
-use super::launch::{Output, StagingBuffers, record_bytes};
-use super::settings::{StartPixels, TraceSettings, TraceSummary};
+use super::launch::{Output, record_bytes};
+use super::settings::{TraceSettings, TraceSummary};
 use super::strategy::Strategy;
 use super::tracer::{kernel, step};
 use super::{Tracer, dispatch};
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
+use crate::gpu::buffers::Results;
 
 /// The maximum number of paths of a dispatch. So many paths keep a GPU busy, and their records fit any GPU's memory.
 const MOST_PATHS: u64 = 1 << 20;
@@ -36,22 +35,20 @@ pub(crate) struct ResidentPaths {
 /// Takes the records of paths on the device that traced them.
 pub(crate) trait Consumer {
     /// Prepares for the paths from one endpoint of the rig, whose records will be in `records`. `paths` is their number.
-    fn begin(&mut self, gpu: &Gpu, layout: &RecordLayout, paths: u64, records: &wgpu::Buffer) -> Result<()>;
+    fn begin(&mut self, layout: &RecordLayout, paths: u64, records: &wgpu::Buffer) -> Result<()>;
 
     /// The number of paths of the dispatch that begins with `first_path`. It should be at most `most`, if the consumer can take so few.
     fn paths_from(&self, first_path: u64, most: u32) -> u32;
 
-    /// Prepares for a dispatch, before its commands are recorded.
-    fn prepare(&mut self, gpu: &Gpu, paths: &ResidentPaths) -> Result<()>;
+    /// Submits a dispatch: the commands that `trace` records, and then those that take the records of the paths.
+    fn submit(
+        &mut self,
+        paths: &ResidentPaths,
+        trace: &mut dyn FnMut(&mut wgpu::CommandEncoder),
+    ) -> Result<()>;
 
-    /// Records the commands that take the records of a dispatch.
-    fn record(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder);
-
-    /// Called after a dispatch was submitted.
-    fn submitted(&mut self, submission: &wgpu::SubmissionIndex);
-
-    /// Called for the oldest dispatch in flight. Waits until it is done.
-    fn finished(&mut self, gpu: &Gpu) -> Result<()>;
+    /// Waits until the oldest dispatch in flight is done.
+    fn finish(&mut self) -> Result<()>;
 }
 
 impl Tracer {
@@ -62,16 +59,10 @@ impl Tracer {
         consumer: &mut dyn Consumer,
     ) -> Result<TraceSummary> {
         let strategies = self.resident_strategies(settings)?;
-        let pixels: StartPixels = self.start_pixels(settings);
-        let all: Vec<Range<u64>> = strategies.iter().map(|strategy| strategy.paths_from(&pixels)).collect();
-        let total = all.iter().map(|paths| paths.end - paths.start).sum();
-        let mut summary = TraceSummary::default();
-        for (strategy, paths) in strategies.into_iter().zip(all) {
-            self.run_resident(&strategy, paths, total, &mut summary, consumer)?;
-        }
-        // Everything has been traced, so a request to stop has no effect.
-        let _ = step(&*self.observer, total, total);
-        Ok(summary)
+        let pixels = self.start_pixels(settings);
+        self.run_each(&strategies, &pixels, |tracer, strategy, paths, total, summary| {
+            tracer.run_resident(strategy, paths, total, summary, consumer)
+        })
     }
 
     fn run_resident(
@@ -88,13 +79,13 @@ impl Tracer {
         let capacity = dispatches.capacity(gpu, u64::from(strategy.parameters.stride), 1, most);
         let bytes = record_bytes(&strategy.parameters, capacity);
         // The buffers of the last trace are used again. An interrupted trace has dropped its buffers.
-        let staging = match resident.take().filter(|staging| staging.bytes() >= bytes) {
-            Some(staging) => staging,
-            None => StagingBuffers::resident(gpu, bytes)?,
+        let results = match resident.take().filter(|results| results.buffer.size() >= bytes) {
+            Some(results) => results,
+            None => Results::resident(gpu, "path records", bytes)?,
         };
         let (chains, light_buffer) = (&strategy.chains, &strategy.light_buffer);
-        let output = Output::new(gpu, &kernel.pipeline, scene, chains, light_buffer, staging)?;
-        consumer.begin(gpu, &strategy.layout, left.end - left.start, &output.staging.results.buffer)?;
+        let output = Output::new(gpu, &kernel.pipeline, scene, chains, light_buffer, results)?;
+        consumer.begin(&strategy.layout, left.end - left.start, &output.results.buffer)?;
         kernel.sizer.begin(PathWork::of(&strategy.parameters));
         if !gpu.summary.is_processor() {
             kernel.sizer.start_with(FIRST_PATHS);
@@ -108,31 +99,20 @@ impl Tracer {
                 }
                 let wanted = consumer.paths_from(left.start, kernel.sizer.paths(capacity)).min(capacity);
                 let paths = u64::from(wanted).min(left.end - left.start) as u32;
-                let samples = u64::from(strategy.parameters.samples);
-                let parameters = Parameters {
-                    first_pixel: (left.start / samples) as u32,
-                    first_sample: (left.start % samples) as u32,
-                    paths,
-                    mark: dispatches.mark(),
-                    ..strategy.parameters
-                };
+                let parameters = strategy.parameters.of_paths(left.start, paths, dispatches.mark());
                 let dispatched = ResidentPaths { first_path: left.start, paths, mark: parameters.mark };
-                consumer.prepare(gpu, &dispatched)?;
-                let start = Instant::now();
-                let submission = gpu.guarded("dispatch", || {
-                    let mut encoder = gpu.encoder();
-                    output.record(gpu, &mut encoder, &parameters);
-                    consumer.record(gpu, &mut encoder);
-                    gpu.queue.submit([encoder.finish()])
+                let mut start = Instant::now();
+                consumer.submit(&dispatched, &mut |encoder| {
+                    start = Instant::now();
+                    output.record(gpu, encoder, &parameters);
                 })?;
-                consumer.submitted(&submission);
                 in_flight.push_back((start, paths));
                 left.start += u64::from(paths);
                 summary.paths += u64::from(paths);
                 summary.dispatches += 1;
             }
             let Some((start, paths)) = in_flight.pop_front() else { break };
-            consumer.finished(gpu)?;
+            consumer.finish()?;
             // If a dispatch waited for an earlier one, it began when the earlier one was done.
             let elapsed = start.max(idle_since).elapsed();
             idle_since = Instant::now();
@@ -140,7 +120,7 @@ impl Tracer {
             summary.tracing += elapsed;
             kernel.sizer.adapt(paths, elapsed);
         }
-        *resident = Some(output.staging);
+        *resident = Some(output.results);
         Ok(())
     }
 

@@ -201,7 +201,8 @@ impl Endpoints {
     }
 }
 
-fn axes(endpoint: &Camera) -> DMat3 {
+/// The axes of an endpoint's frame: right, up, and backwards.
+pub(super) fn axes(endpoint: &Camera) -> DMat3 {
     DMat3::from_cols(endpoint.right.as_dvec3(), endpoint.up.as_dvec3(), -endpoint.forward.as_dvec3())
 }
 

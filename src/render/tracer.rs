@@ -10,13 +10,14 @@ use super::batch::Batch;
 use super::dispatch::{DispatchSizer, Dispatches, MAX_PATHS};
 use super::geometry::GpuScene;
 use super::kernel::{Features, Parameters, Pipeline};
-use super::launch::{Output, SizedKernel, StagingBuffers, StrategyRun};
+use super::launch::{Output, SizedKernel, StrategyRun};
 use super::light_buffer::LightBuffers;
 use super::materials::NONE;
 use super::photons::ChainCache;
 use super::settings::{StartPixels, TraceSettings, TraceSummary};
 use super::strategy::{Endpoints, Strategy};
 use crate::error::{Error, Result};
+use crate::gpu::buffers::Results;
 use crate::gpu::{AdapterSummary, Gpu};
 use crate::image::Resolution;
 use crate::observer::{Estimate, Observer, Step};
@@ -34,9 +35,10 @@ pub struct Tracer {
     pub(super) chains: ChainCache,
     /// Whether a device that is not the processor assembles matrices.
     assembles: Option<bool>,
-    staging: Vec<StagingBuffers>,
-    /// The buffers of the last trace whose records stayed on the device.
-    pub(super) resident: Option<StagingBuffers>,
+    /// The buffers of the last trace.
+    results: Vec<Results>,
+    /// The buffer of the last trace whose records stayed on the device.
+    pub(super) resident: Option<Results>,
     pub(super) observer: Arc<dyn Observer + Send + Sync>,
     /// The handle of the scene in a team of processes, each of which traces a part.
     remote: Option<Arc<Remote>>,
@@ -87,7 +89,7 @@ impl Tracer {
             light_buffers: LightBuffers::default(),
             chains: ChainCache::default(),
             assembles: None,
-            staging: Vec::new(),
+            results: Vec::new(),
             resident: None,
             observer: Arc::new(()),
             remote: None,
@@ -174,11 +176,24 @@ impl Tracer {
     ) -> Result<TraceSummary> {
         settings.check()?;
         let strategies = self.strategies(settings)?;
+        self.run_each(&strategies, pixels, |tracer, strategy, paths, total, summary| {
+            tracer.run(strategy, paths, total, summary, visit)
+        })
+    }
+
+    /// Calls `run` for each strategy with the numbers of its paths from `pixels`, the number of the paths of all strategies, and the cost so
+    /// far. Returns the whole cost.
+    pub(super) fn run_each(
+        &mut self,
+        strategies: &[Strategy],
+        pixels: &StartPixels,
+        mut run: impl FnMut(&mut Self, &Strategy, Range<u64>, u64, &mut TraceSummary) -> Result<()>,
+    ) -> Result<TraceSummary> {
         let all: Vec<Range<u64>> = strategies.iter().map(|strategy| strategy.paths_from(pixels)).collect();
         let total = all.iter().map(|paths| paths.end - paths.start).sum();
         let mut summary = TraceSummary::default();
         for (strategy, paths) in strategies.iter().zip(all) {
-            self.run(strategy, paths, total, &mut summary, visit)?;
+            run(self, strategy, paths, total, &mut summary)?;
         }
         // Everything has been traced, so a request to stop has no effect.
         let _ = step(&*self.observer, total, total);
@@ -212,7 +227,7 @@ impl Tracer {
 
     /// Frees staging buffers and photon maps. They would only shorten the start of the next trace.
     pub fn release_buffers(&mut self) {
-        self.staging.clear();
+        self.results.clear();
         self.resident = None;
         self.gpu.free_scratch();
         self.chains = ChainCache::default();
@@ -227,10 +242,10 @@ impl Tracer {
         summary: &mut TraceSummary,
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<()> {
-        let Self { gpu, scene, kernels, dispatches, staging, observer, .. } = self;
+        let Self { gpu, scene, kernels, dispatches, results, observer, .. } = self;
         let kernel = kernel(gpu, kernels, &strategy.features)?;
         // The buffers of the last trace are used again. An interrupted trace has dropped its buffers.
-        let buffers = std::mem::take(staging);
+        let buffers = std::mem::take(results);
         let mut run = StrategyRun::new(gpu, scene, strategy, paths, kernel, dispatches, buffers)?;
         loop {
             while run.can_launch() {
@@ -243,7 +258,7 @@ impl Tracer {
                 break;
             }
         }
-        *staging = run.outputs.into_iter().map(|output| output.staging).collect();
+        *results = run.outputs.into_iter().map(|output| output.results).collect();
         Ok(())
     }
 }
@@ -280,8 +295,8 @@ impl Tracer {
         let total = resolution.pixels() as u64;
         let capacity = total.min(u64::from(MAX_PATHS)).max(64);
         let (chains, light_buffer) = (&template.chains, &template.light_buffer);
-        let staging = StagingBuffers::new(&self.gpu, capacity * 4)?;
-        let output = Output::new(&self.gpu, &kernel, &self.scene, chains, light_buffer, staging)?;
+        let results = Results::new(&self.gpu, "regions", capacity * 4)?;
+        let output = Output::new(&self.gpu, &kernel, &self.scene, chains, light_buffer, results)?;
         let mut regions = Vec::with_capacity(resolution.pixels());
         while (regions.len() as u64) < total {
             let first_pixel = regions.len() as u32;
@@ -290,8 +305,6 @@ impl Tracer {
             let view = output.run(&self.gpu, &parameters, pixels * 4)?;
             let seen: &[u32] = bytemuck::cast_slice(&view);
             regions.extend(seen.iter().map(|&region| (region != NONE).then_some(region)));
-            drop(view);
-            output.release();
         }
         Ok(regions)
     }

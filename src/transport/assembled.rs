@@ -5,9 +5,7 @@ use std::sync::Arc;
 
 use super::layer::Layer;
 use super::noise::Noise;
-use super::{
-    Channels, GpuMatrix, MatrixOperator, Part, RigShape, Transport, TransportMatrix, from_planes, spread,
-};
+use super::{Channels, GpuMatrix, MatrixOperator, Part, RigShape, Transport, TransportMatrix, spread};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::image::{Image, Resolution};
@@ -80,7 +78,7 @@ impl Transport for Arc<Assembled> {
                 *value += ambient;
             }
         }
-        from_planes(matrix.resolution(), &photo)
+        Image::from_planes(matrix.resolution(), &photo)
     }
 }
 
@@ -169,10 +167,10 @@ impl Assembled {
 mod tests {
     use super::*;
     use crate::gpu::AdapterSummary;
-    use crate::transport::gpu_matrix::tests::{coaxial, gpu};
+    use crate::transport::gpu_matrix::tests::coaxial;
 
     fn adapter(kind: &str) -> Gpu {
-        let mut gpu = gpu();
+        let mut gpu = Gpu::for_tests();
         gpu.summary.kind = kind.into();
         gpu
     }
@@ -230,7 +228,7 @@ mod tests {
     #[test]
     fn photos_and_operators_use_the_backend_of_the_matrix() {
         let [here, mut there] = [coaxial(), coaxial()];
-        assert_eq!(placed(&mut there, &gpu(), Backend::Gpu, 0), (None, true));
+        assert_eq!(placed(&mut there, &Gpu::for_tests(), Backend::Gpu, 0), (None, true));
         let [mut here, mut there] = [here, there].map(Arc::new);
         let resolution = here.photo_resolution();
         let pattern = Image::filled(resolution, 3, 0.5);

@@ -220,16 +220,18 @@ impl Retraced<'_> {
         let project = |rgb: [f32; 3]| [if is_gray { luminance(rgb) } else { rgb[channel] }];
         self.each(way, project, &mut |contributions| {
             // Each sum is assigned to one task, which adds the contributions in path order.
-            let shares = sums.of(contributions.halves()).shares(rayon::current_num_threads());
-            shares.into_par_iter().for_each(|mut share| {
+            let WeightSums { products, of_starts, .. } = sums.of(contributions.halves());
+            let tasks = rayon::current_num_threads();
+            let shares = Stripes::of(products, tasks).into_par_iter().zip(Stripes::of(of_starts, tasks));
+            shares.for_each(|(mut products, mut of_starts)| {
                 contributions.entries(|run, row, column, &[value]| {
                     let (Some(column), value) = (column, f64::from(value)) else { return };
-                    if let Some(products) = share.products.at(row) {
+                    if let Some(products) = products.at(row) {
                         for (product, light) in products[run.half].iter_mut().zip(&lit[column]) {
                             *product += value * light;
                         }
                     }
-                    if symmetric && let Some(sums) = share.of_starts.at(run.pixel as usize) {
+                    if symmetric && let Some(sums) = of_starts.at(run.pixel as usize) {
                         let pairs = lit[row].iter().zip(&lit[column]).zip(&shifts);
                         for (sum, ((own, light), shift)) in sums[run.half].iter_mut().zip(pairs) {
                             *sum += value * own * (light - shift * own);
@@ -307,11 +309,6 @@ struct WeightSums<const P: usize> {
     of_starts: Vec<HalfSums<P>>,
 }
 
-struct Share<'a, const P: usize> {
-    products: Stripes<'a, HalfSums<P>>,
-    of_starts: Stripes<'a, HalfSums<P>>,
-}
-
 impl<const P: usize> Sums<P> {
     fn new(rows: usize, symmetric: bool) -> Self {
         Self { rows, symmetric, of_weights: Vec::new() }
@@ -348,14 +345,6 @@ impl<const P: usize> Sums<P> {
     }
 }
 
-impl<const P: usize> WeightSums<P> {
-    fn shares(&mut self, tasks: usize) -> Vec<Share<'_, P>> {
-        let both =
-            Stripes::of(&mut self.products, tasks).into_iter().zip(Stripes::of(&mut self.of_starts, tasks));
-        both.map(|(products, of_starts)| Share { products, of_starts }).collect()
-    }
-}
-
 /// The stripes of an array that one task handles. Stripes are narrow and dealt to the tasks in turn, so each task gets an equal share of
 /// the pixels of a batch.
 struct Stripes<'a, T> {
@@ -388,25 +377,6 @@ impl<T> Stripes<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_noise_of_independent_light_is_no_error_of_the_answer() {
-        let product = |product: &[f64], error: &[f64]| EstimatedProduct {
-            product: product.to_vec(),
-            error: error.to_vec(),
-            quadratic: None,
-        };
-        // The noise alone explains differences of 0.3 and 0.4, but not of 3 and 4.
-        let independent = product(&[10.3, 9.6], &[0.3, 0.4]);
-        let exact = independent.squares(&[10.0, 10.0]).relative();
-        assert!(exact.is_some_and(|[error, _]| error < 1e-7), "{exact:?}");
-        let wrong = independent.squares(&[7.3, 5.6]).relative();
-        let size = 10.3_f64.powi(2) + 9.6_f64.powi(2) - 0.25;
-        let expected = ((25.0 - 0.25) / size).sqrt();
-        assert!(wrong.is_some_and(|[error, _]| (error - expected).abs() < 1e-12));
-        let nothing = product(&[0.1, -0.1], &[0.2, 0.2]);
-        assert_eq!(nothing.squares(&[0.0, 0.0]).relative(), None);
-    }
 
     #[test]
     fn stripes_go_round_the_tasks() {

@@ -74,9 +74,8 @@ impl Layer {
     /// device fails.
     pub(super) fn fetch(&self) -> Result<&Tiles> {
         if let (None, Some(resident)) = (self.tiles.get(), &self.resident) {
-            let tiles = Tiles::new(resident.columns(), resident.fetch()?);
             // If another thread was faster, its entries are the same.
-            let _ = self.tiles.set(tiles);
+            let _ = self.tiles.set(resident.tiles()?);
         }
         Ok(self.tiles())
     }
@@ -129,9 +128,8 @@ impl Layer {
     /// The entries. If only a device has them, they must be fetched first where its failure is to be an error: here it is a panic.
     pub(crate) fn tiles(&self) -> &Tiles {
         self.tiles.get_or_init(|| {
-            let pieces = self.resident.as_ref().map_or_else(|| Ok(Vec::new()), |resident| resident.fetch());
-            let columns = self.resident.as_ref().map_or(0, |resident| resident.columns());
-            Tiles::new(columns, pieces.expect("the device that has made the matrix still works"))
+            let resident = self.resident.as_ref().expect("a layer has its entries here or on a device");
+            resident.tiles().expect("the device that has made the matrix still works")
         })
     }
 

@@ -133,7 +133,7 @@ impl Transport for ExplicitMatrix {
             let (columns, weights) = self.matrix.row(row);
             columns.iter().zip(weights).map(|(&column, weight)| weight * pattern[column as usize]).sum()
         };
-        from_planes(self.resolution, &[(0..self.matrix.rows()).map(row).collect()])
+        Image::from_planes(self.resolution, &[(0..self.matrix.rows()).map(row).collect()])
     }
 }
 
@@ -198,8 +198,4 @@ fn planes(pattern: &Image, resolution: Resolution, channels: Channels) -> Result
         return Err(Error::dimension("channels of the pattern", "1, for a gray photo", pattern.channels()));
     }
     Ok((0..channels.count()).map(|channel| pattern.plane(channel.min(pattern.channels() - 1))).collect())
-}
-
-fn from_planes(resolution: Resolution, planes: &[Vec<f64>]) -> Result<Image> {
-    Image::from_planes(resolution, planes)
 }

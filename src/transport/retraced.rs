@@ -6,7 +6,7 @@ use super::assembled::shape;
 use super::matrix::{deinterleave, interleave};
 use super::noise::Halves;
 use super::tiles::{BLOCK_WIDTH, Interleaved};
-use super::{Channels, Part, Transport, from_planes, luminance, planes, project, spread};
+use super::{Channels, Part, Transport, luminance, planes, project, spread};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::operator::{Adjoint, Direction, Operator, Symmetry};
@@ -30,7 +30,7 @@ impl Retraced<'_> {
         let seen: Vec<Vec<[f64; 2]>> = self.see(pattern)?;
         let image = |value: fn(&[f64; 2]) -> f64| {
             let planes: Vec<Vec<f64>> = seen.iter().map(|plane| plane.iter().map(value).collect()).collect();
-            from_planes(self.settings.resolution, &planes)
+            Image::from_planes(self.settings.resolution, &planes)
         };
         Ok((image(|[mean, _]| *mean)?, image(|[_, error]| error.abs())?))
     }
@@ -119,7 +119,7 @@ impl Transport for Retraced<'_> {
 
     fn photograph(&mut self, pattern: &Image) -> Result<Image> {
         let seen: Vec<Vec<f64>> = self.see(pattern)?;
-        from_planes(self.settings.resolution, &seen)
+        Image::from_planes(self.settings.resolution, &seen)
     }
 }
 

@@ -9,12 +9,13 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::contributions::Found;
-use super::noise::{EntrySquares, Estimates};
+use super::noise::EntrySquares;
 use super::rows::Rows;
 use super::spread::{Combined, Steps, classes, merge, steps};
 use super::*;
 use crate::operator::{Adjoint, Operator};
 use crate::render::{Connection, StartPixels};
+use crate::scene::Scene;
 use crate::team::{Comm, Threads, threads};
 
 /// The paths from the pixels of one endpoint (camera or projector). Each path has its start pixel, its half of the samples, and its
@@ -59,30 +60,28 @@ fn found(paths: &[Paths], split: bool, steps: Option<&Steps>) -> Found<1> {
 }
 
 /// The layers, row sums and sums of squares that a single process computes.
-fn combined(
-    found: Found<1>,
-    rig: RigShape,
-    classes: usize,
-) -> (Vec<tiles::Tiles>, Vec<Estimates<1>>, EntrySquares) {
-    of_member(&threads(1)[0], found, rig, &Steps::one(rig), classes)
+fn combined(found: Found<1>, rig: RigShape, classes: usize) -> Combined<1> {
+    merge(&threads(1)[0], rig, &Steps::one(rig), found, classes, &[])
+        .expect("a process alone has all it needs")
 }
 
-fn of_member(
-    comm: &dyn Comm,
-    found: Found<1>,
-    rig: RigShape,
-    steps: &Steps,
-    classes: usize,
-) -> (Vec<tiles::Tiles>, Vec<Estimates<1>>, EntrySquares) {
-    let merged = merge(comm, rig, steps, found, classes, &[]);
-    let Combined { layers, rows, squares } = merged.unwrap_or_else(|error| unreachable!("{error}"));
-    (layers, rows, squares)
+/// Calls `work` on this many threads.
+pub(super) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.expect("threads can be started").install(work)
+}
+
+/// The scene with a projector beside the camera.
+pub(super) fn apart(scene: Scene, aside: f32) -> Scene {
+    let mut projector = scene.camera.clone();
+    projector.position += aside * projector.right;
+    Scene { projector: Some(projector), ..scene }
 }
 
 fn layers(found: Found<1>, rig: RigShape, split: bool) -> Vec<Layer> {
     let bounces = classes(split);
-    let (tiles, ..) = combined(found, rig, bounces.len());
-    bounces.iter().zip(tiles).map(|(&bounces, tiles)| Layer::of_tiles(bounces, tiles)).collect()
+    let Combined { layers, .. } = combined(found, rig, bounces.len());
+    bounces.iter().zip(layers).map(|(&bounces, tiles)| Layer::of_tiles(bounces, tiles)).collect()
 }
 
 fn matrix(rig: RigShape, paths: &[Paths], split: bool) -> TransportMatrix {
@@ -191,11 +190,7 @@ fn where_batches_are_cut_makes_no_difference() {
 #[test]
 fn the_number_of_threads_makes_no_difference() {
     for (rig, paths) in [separated(), with_lens()] {
-        let of = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            let pool = pool.unwrap_or_else(|error| unreachable!("{error}"));
-            pool.install(|| combined(found(&paths, true, None), rig, 3))
-        };
+        let of = |threads| on_threads(threads, || combined(found(&paths, true, None), rig, 3));
         let one = of(1);
         assert_eq!(one, of(2));
         assert_eq!(one, of(7));
@@ -206,8 +201,8 @@ fn the_number_of_threads_makes_no_difference() {
 fn some_rows_alone_are_those_of_the_whole() {
     for (rig, paths) in [separated(), with_lens(), of_many_pixels()] {
         let pixels = rig.camera.pixels();
-        let (whole, of_whole, squares_of_whole) = combined(found(&paths, true, None), rig, 3);
-        let whole: Vec<_> = whole.iter().map(|tiles| tiles.to_rows()).collect();
+        let whole = combined(found(&paths, true, None), rig, 3);
+        let layers: Vec<_> = whole.layers.iter().map(|tiles| tiles.to_rows()).collect();
         let camera = [0..4, 4..9, 9..9, 9..pixels];
         // The projector's pixels are divided among the processes differently from the camera's pixels.
         let lit = rig.projector.pixels();
@@ -224,7 +219,8 @@ fn some_rows_alone_are_those_of_the_whole() {
                     paths.iter().filter(|path| own.contains(&(path.0 as usize))).cloned().collect()
                 })
                 .collect();
-            of_member(comm, found(&mine, true, Some(&steps)), rig, &steps, 3)
+            merge(comm, rig, &steps, found(&mine, true, Some(&steps)), 3, &[])
+                .expect("all members do the same")
         };
         let parts: Vec<_> = std::thread::scope(|scope| {
             let members: Vec<_> =
@@ -232,20 +228,20 @@ fn some_rows_alone_are_those_of_the_whole() {
             members.into_iter().map(|member| member.join().expect("no member panics")).collect()
         });
         let mut squares = EntrySquares::default();
-        for (rows, (part, of_part, squares_of_part)) in camera.into_iter().zip(parts) {
-            assert_eq!(of_part, of_whole[rows.clone()]);
-            squares.add_all(&squares_of_part);
-            let part: Vec<_> = part.iter().map(|tiles| tiles.to_rows()).collect();
+        for (rows, part) in camera.into_iter().zip(parts) {
+            assert_eq!(part.rows, whole.rows[rows.clone()]);
+            squares.add_all(&part.squares);
+            let part: Vec<_> = part.layers.iter().map(|tiles| tiles.to_rows()).collect();
             assert!(
                 part.iter().all(|layer| layer.row_start.len() == rows.len() + 1 && layer.weights.len() == 1)
             );
-            for (part, whole) in part.iter().zip(&whole) {
+            for (part, whole) in part.iter().zip(&layers) {
                 let entries = whole.row_start[rows.start]..whole.row_start[rows.end];
                 assert_eq!(part.columns, whole.columns[entries.clone()]);
                 assert_eq!(part.weights[0], whole.weights[0][entries]);
             }
         }
-        assert_eq!(squares, squares_of_whole);
+        assert_eq!(squares, whole.squares);
     }
 }
 
@@ -300,9 +296,7 @@ fn how_contributions_are_cut_into_chunks_makes_no_difference() {
             rows.close().into_chunks()
         };
         let chunks = paths.chunks(pixels * SAMPLES as usize).flat_map(part).collect();
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-        let pool = pool.unwrap_or_else(|error| unreachable!("{error}"));
-        pool.install(|| {
+        on_threads(1, || {
             assert!(tiles::groups(2560).len() > 1, "rows become tiles group by group");
             combined(Found::of_chunks(chunks), rig, 2)
         })

@@ -196,11 +196,11 @@ impl Task {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::transport::tests::on_threads;
 
     /// Every row belongs to one task, and the tasks keep the order of the rows. All tasks have about equal numbers of entries.
     #[test]
     fn rows_are_shared_out_evenly() {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().expect("threads can be started");
         let lengths: Vec<usize> = (0..500).map(|row| 1 + row * 37 % 90).collect();
         let rows = |lengths: &[usize]| -> Vec<Source> {
             let row = |(pixel, &length): (usize, &usize)| Source {
@@ -210,7 +210,7 @@ mod tests {
             };
             lengths.iter().enumerate().map(row).collect()
         };
-        let tasks = pool.install(|| Task::share_out(rows(&lengths)));
+        let tasks = on_threads(3, || Task::share_out(rows(&lengths)));
         let pixels: Vec<usize> =
             tasks.iter().flat_map(|task| &task.left).map(|source| source.pixel as usize).collect();
         assert_eq!(pixels, (0..500).collect::<Vec<_>>());
@@ -220,7 +220,7 @@ mod tests {
         // A task ends with the row that completes its equal part, so it exceeds this part by less than one row.
         assert!(full.iter().all(|task| (each..each + 90).contains(&held(task))) && held(last) < each + 90);
         assert!((20..=24).contains(&tasks.len()), "eight of each thread: {}", tasks.len());
-        assert_eq!(pool.install(|| Task::share_out(rows(&[5, 7]))).len(), 2, "no task is without rows");
+        assert_eq!(on_threads(3, || Task::share_out(rows(&[5, 7]))).len(), 2, "no task is without rows");
         assert!(Task::share_out(Vec::new()).is_empty());
     }
 }

@@ -6,7 +6,7 @@ use glam::vec3;
 
 use super::material::{BSDF_SIZE, Bsdf, RANDOM_BSDF, READ_BSDF};
 use super::statistics::{Sphere, chi_square_test, outgoing, threshold};
-use super::support::{gpu, run};
+use super::support::run;
 use crate::gpu::Gpu;
 
 const BINS: Sphere = Sphere { rings: 20, sectors: 40 };
@@ -106,7 +106,7 @@ fn p_value(gpu: &Gpu, sampler: &Sampler, bsdf: &Bsdf, cos_o: f64, seed: usize) -
 
 #[test]
 fn samplers_follow_their_densities() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     let lambertian = Bsdf::lambertian(0.8);
     let colored = Bsdf { base_color: vec3(0.9, 0.4, 0.1), metallic: 0.4, ..Bsdf::dielectric(0.8, 0.25) };
     let paper = Bsdf { diffuse_transmission: 0.4, ..Bsdf::dielectric(0.7, 0.3) };
@@ -205,7 +205,7 @@ fn work(index: u32) -> vec4f {
 #[test]
 fn samples_carry_their_own_density_and_weight() {
     let source = format!("#import rng\n#import bsdf\n{READ_BSDF}{RANDOM_BSDF}{SOURCE}");
-    let samples = run(&gpu(), &source, &[], &[[0.0; 4]], 1 << 18);
+    let samples = run(&Gpu::for_tests(), &source, &[], &[[0.0; 4]], 1 << 18);
     let mut kinds = [0; 5];
     for [weight, pdf, length, kind] in &samples {
         kinds[(kind + 1.0) as usize] += 1;
@@ -237,7 +237,7 @@ fn surfaces_know_whether_they_have_regular_lobes() {
             return vec4f(f32(bsdf_regular(bsdf)), value, 0.0, 0.0);
         }}"
     );
-    let found = run(&gpu(), &source, &[], &[[0.0; 4]], 1 << 12);
+    let found = run(&Gpu::for_tests(), &source, &[], &[[0.0; 4]], 1 << 12);
     let none = found.iter().filter(|[regular, ..]| *regular == 0.0);
     assert!(none.clone().count() > 500 && none.clone().all(|[_, value, ..]| *value == 0.0));
     // Even 64 samples may miss a weak lobe.
@@ -306,10 +306,10 @@ fn slack(gpu: &Gpu) -> f32 {
 
 #[test]
 fn bsdfs_are_reciprocal() {
-    let slack = slack(&gpu());
+    let slack = slack(&Gpu::for_tests());
     let source = format!("#import rng\n#import bsdf\n{READ_BSDF}{RANDOM_BSDF}{REVERSED}{SYMMETRY}");
     let rounds_differently = f32::from(u8::from(slack > 1.0));
-    let pairs = run(&gpu(), &source, &[], &[[rounds_differently; 4]], 1 << 20);
+    let pairs = run(&Gpu::for_tests(), &source, &[], &[[rounds_differently; 4]], 1 << 20);
     for (class, name) in
         ["reflected", "reflected, tilted", "transmitted", "transmitted, tilted"].iter().enumerate()
     {
@@ -370,9 +370,9 @@ fn work(index: u32) -> vec4f {
 
 #[test]
 fn deltas_are_reciprocal_and_as_probable_on_the_way_back() {
-    let slack = slack(&gpu());
+    let slack = slack(&Gpu::for_tests());
     let source = format!("#import rng\n#import bsdf\n{READ_BSDF}{RANDOM_BSDF}{REVERSED}{DELTA_SYMMETRY}");
-    let samples = run(&gpu(), &source, &[], &[[0.0; 4]], 1 << 18);
+    let samples = run(&Gpu::for_tests(), &source, &[], &[[0.0; 4]], 1 << 18);
     for (kind, name) in [(1.0, "reflected"), (2.0, "refracted"), (3.0, "passed")] {
         let samples: Vec<_> = samples.iter().filter(|sample| sample[3] == kind).collect();
         let worst =

@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use super::material::{BSDF_SIZE, Bsdf, RANDOM_BSDF, READ_BSDF};
 use super::statistics::{Sphere, outgoing};
-use super::support::{gpu, run};
+use super::support::run;
 use crate::gpu::Gpu;
 
 /// The narrowest lobe here (α = 0.05) has a width of 0.03 in `t` (nine cells) and of 0.12 in `s` at a cosine of 0.05; see [`Sphere`].
@@ -70,7 +70,7 @@ const COSINES: [f64; 6] = [1.0, 0.7, 0.5, 0.3, 0.1, 0.05];
 
 #[test]
 fn lambertian_albedo_is_its_colour() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     for (color, cos_o) in [(1.0, 1.0), (1.0, 0.05), (0.5, 0.3)] {
         let Albedo { integral, sampled, error } = albedo(&gpu, &Bsdf::lambertian(color), cos_o, 0);
         let color = f64::from(color);
@@ -90,7 +90,7 @@ fn lambertian_albedo_is_its_colour() {
 
 #[test]
 fn sampling_and_quadrature_find_one_albedo() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     let (mut worst, mut squares, mut count) = (0.0_f64, 0.0, 0.0);
     let paper = Bsdf { diffuse_transmission: 0.4, ..Bsdf::dielectric(0.7, 0.4) };
     let mixed = Bsdf { metallic: 0.2, transmission: 0.5, opacity: 0.7, eta_t: 1.4, ..paper };
@@ -137,7 +137,7 @@ fn range(gpu: &Gpu, bsdf: &Bsdf, from: f64) -> (f64, f64) {
 
 #[test]
 fn white_metals_reflect_no_more_than_they_receive() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     for alpha in [0.05, 0.25, 0.5, 1.0] {
         let (low, high) = range(&gpu, &Bsdf::metal(1.0, alpha), 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}: {high}");
@@ -149,7 +149,7 @@ fn white_metals_reflect_no_more_than_they_receive() {
 /// glTF's sample implementation returns up to 1.44 times the received light here; see `render`'s documentation.
 #[test]
 fn white_dielectrics_reflect_no_more_than_they_receive() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     for alpha in [0.05, 0.1, 0.2, 0.4, 0.7, 1.0] {
         let white = Bsdf::dielectric(1.0, alpha);
         let (low, high) = range(&gpu, &white, 0.0);
@@ -168,7 +168,7 @@ fn white_dielectrics_reflect_no_more_than_they_receive() {
 
 #[test]
 fn rough_glass_lets_through_no_more_than_it_receives() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     // Lobes are three times narrower in the denser medium. The quadrature resolves lobes with a width of 0.2 and more.
     for alpha in [0.2, 0.5, 1.0] {
         for bsdf in [Bsdf::pane(alpha), Bsdf::glass(alpha), Bsdf::glass(alpha).beyond()] {
@@ -206,7 +206,7 @@ fn no_material_returns_more_than_it_receives() {
             return vec4f(sum, squares, f32(index % 2u), bsdf.alpha);
         }}"
     );
-    let found = run(&gpu(), &source, &[], &[[0.0; 4]], 2048);
+    let found = run(&Gpu::for_tests(), &source, &[], &[[0.0; 4]], 2048);
     let count = LOOP as f64;
     let (mut worst, mut conserving) = (f64::MIN, 0);
     for &[sum, squares, ..] in &found {
@@ -250,7 +250,7 @@ fn shares(bsdf: &Bsdf, cosines: &[f32]) -> Vec<[f32; 4]> {
     let mut input = bsdf.encode().to_vec();
     assert_eq!(input.len(), BSDF_SIZE);
     input.extend(cosines.iter().map(|&cosine| [cosine, 0.0, 0.0, 0.0]));
-    run(&gpu(), &source, &[], &input, cosines.len())
+    run(&Gpu::for_tests(), &source, &[], &input, cosines.len())
 }
 
 #[test]
@@ -299,5 +299,5 @@ fn smooth_panes_and_mirrors_lose_nothing() {
 #[test]
 fn shader_and_host_agree_on_what_is_smooth() {
     let source = "#import fresnel\nfn work(index: u32) -> vec4f { return vec4f(MIN_ALPHA); }";
-    assert_eq!(run(&gpu(), source, &[], &[[0.0; 4]], 1)[0][0], crate::render::MIN_ALPHA);
+    assert_eq!(run(&Gpu::for_tests(), source, &[], &[[0.0; 4]], 1)[0][0], crate::render::MIN_ALPHA);
 }

@@ -6,8 +6,9 @@ use std::sync::{Arc, Mutex};
 
 use glam::Vec3;
 
-use super::support::{PathRecord, gpu, path_records, run, tracer};
+use super::support::{PathRecord, path_records, run, tracer};
 use crate::error::Error;
+use crate::gpu::Gpu;
 use crate::image::Resolution;
 use crate::observer::{Observer, Step};
 use crate::render::geometry::Unit;
@@ -49,17 +50,24 @@ fn shipped(name: &str) -> Scene {
     crate::scene::load(&path, None).expect("shipped scenes load")
 }
 
+/// Asserts that each path is that of the search tree.
+fn assert_paths_of_the_tree(scenes: &[Scene], by: By) {
+    for scene in scenes {
+        // The image is not square, so that both tangents matter.
+        let settings = TraceSettings::new(Resolution::new(56, 40), 16);
+        let [found, tree] = [by, TREE].map(|by| paths(scene, &settings, by));
+        assert_eq!(found.len(), 56 * 40 * 16);
+        assert_eq!(tree.len(), 56 * 40 * 16);
+        let different = found.iter().zip(&tree).filter(|(a, b)| a != b).count();
+        assert_eq!(different, 0, "{}, of {} paths", scene.path.display(), tree.len());
+    }
+}
+
 #[test]
 fn testing_every_pair_gives_the_hits_of_the_search_tree() {
     // The scenes have few and many triangles, a mirror, and a ceiling that rays hit at all angles.
-    for scene in [shipped("corner"), shipped("mirror"), shipped("zigzag"), shipped("cornell")] {
-        let settings = TraceSettings::new(Resolution::new(56, 40), 16);
-        let [each, tree] =
-            [By { light_buffer: false, each: true }, TREE].map(|by| paths(&scene, &settings, by));
-        assert_eq!(tree.len(), 56 * 40 * 16);
-        let different = each.iter().zip(&tree).filter(|(a, b)| a != b).count();
-        assert_eq!(different, 0, "{}, of {} paths", scene.path.display(), tree.len());
-    }
+    let scenes = ["corner", "mirror", "zigzag", "cornell"].map(shipped);
+    assert_paths_of_the_tree(&scenes, By { light_buffer: false, each: true });
 }
 
 #[test]
@@ -72,15 +80,7 @@ fn the_light_buffer_gives_the_hits_of_the_search_tree() {
         builtin::tessellated_box(1000),
         builtin::tessellated_box(100_000),
     ];
-    for scene in &scenes {
-        // The image is not square, so that both tangents matter.
-        let settings = TraceSettings::new(Resolution::new(56, 40), 16);
-        let [with, without] =
-            [By { light_buffer: true, each: false }, TREE].map(|by| paths(scene, &settings, by));
-        assert_eq!(with.len(), 56 * 40 * 16);
-        let different = with.iter().zip(&without).filter(|(a, b)| a != b).count();
-        assert_eq!(different, 0, "{}, of {} paths", scene.path.display(), with.len());
-    }
+    assert_paths_of_the_tree(&scenes, By { light_buffer: true, each: false });
 }
 
 #[test]
@@ -185,7 +185,8 @@ fn shader_and_host_agree_on_the_hash_of_a_cell() {
             let hash = photon_hash(vec3i(input[index].xyz));
             return vec4f(f32(hash >> 16u), f32(hash & 0xffffu), 0.0, 0.0);
         }";
-    for (cell, [high, low, ..]) in cells.iter().zip(run(&gpu(), source, &[], &input, cells.len())) {
+    for (cell, [high, low, ..]) in cells.iter().zip(run(&Gpu::for_tests(), source, &[], &input, cells.len()))
+    {
         assert_eq!((high as u32) << 16 | low as u32, hash(*cell), "{cell:?}");
     }
 }

@@ -2,7 +2,7 @@
 //! halves.
 
 use super::statistics::{chi_square_test, threshold};
-use super::support::{gpu, run};
+use super::support::run;
 use crate::gpu::Gpu;
 
 /// `stratified4` for the samples `0 .. samples` of `pixels` pixels, at `vertex`. The layout is `[pixel · samples + sample]`.
@@ -36,7 +36,7 @@ fn pairs(points: &[[f32; 4]]) -> [Vec<(f32, f32)>; 2] {
 
 #[test]
 fn each_half_of_a_pixels_samples_is_a_net_in_both_pairs() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     for (samples, vertex) in [(2, 0), (64, 0), (64, 3), (2048, 1)] {
         for pixel in points(&gpu, 32, samples, vertex).chunks(samples / 2).flat_map(pairs) {
             assert!(is_net(&pixel), "{samples} samples, vertex {vertex}: {pixel:?}");
@@ -47,7 +47,7 @@ fn each_half_of_a_pixels_samples_is_a_net_in_both_pairs() {
 #[test]
 fn blocks_are_nets_where_the_count_is_no_power_of_two() {
     // The halves have 24 = 16 + 8 and 23 = 16 + 4 + 2 + 1 samples.
-    for pixel in points(&gpu(), 32, 47, 0).chunks(47) {
+    for pixel in points(&Gpu::for_tests(), 32, 47, 0).chunks(47) {
         for (half, blocks) in [(&pixel[..24], vec![0..16, 16..24]), (&pixel[24..], vec![0..16, 16..20])] {
             for block in blocks {
                 for pair in pairs(&half[block.clone()]) {
@@ -77,11 +77,35 @@ fn pair_p_value(bins: usize, pairs: impl Iterator<Item = (f32, f32)>) -> f64 {
     chi_square_test(&observed, &vec![count / (bins * bins) as f64; bins * bins])
 }
 
+/// The p-values of each two numbers of a sample.
+fn within<'a>(base: &'a [[f32; 4]]) -> impl Iterator<Item = (String, f64)> + 'a {
+    let both = (0..4).flat_map(|c| (c + 1..4).map(move |d| (c, d)));
+    both.map(|(c, d)| (format!("numbers {c} and {d}"), pair_p_value(32, base.iter().map(|u| (u[c], u[d])))))
+}
+
+/// The p-values of each number of one sample and each number of another.
+fn across(name: &str, base: &[[f32; 4]], other: &[[f32; 4]]) -> Vec<(String, f64)> {
+    let both = (0..4).flat_map(|c| (0..4).map(move |d| (c, d)));
+    let p_value = |(c, d)| {
+        let p = pair_p_value(32, base.iter().zip(other).map(|(a, b)| (a[c], b[d])));
+        (format!("{name}, numbers {c} and {d}"), p)
+    };
+    both.map(p_value).collect()
+}
+
+fn assert_independent(p_values: &[(String, f64)]) {
+    let threshold = threshold(p_values.len());
+    let least = p_values.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    println!("{} tests, threshold {threshold:.2e}, least p {least:?}", p_values.len());
+    let failed: Vec<_> = p_values.iter().filter(|(_, p)| p.is_nan() || *p < threshold).collect();
+    assert!(failed.is_empty(), "{failed:?}");
+}
+
 #[test]
 fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_its_other_pair() {
     const PIXELS: usize = 1 << 18;
     const SAMPLES: usize = 6;
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     let vertices = [points(&gpu, PIXELS, SAMPLES, 1), points(&gpu, PIXELS, SAMPLES, 2)];
     // The pairs contain one sample of each pixel. They are independent of one another, which the χ² test requires.
     let of = |vertex: usize, sample: usize| {
@@ -89,40 +113,21 @@ fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_it
     };
     let base = of(0, 1);
     assert!(base.iter().flatten().all(|u| (0.0..1.0).contains(u)));
-    let mut p_values = Vec::new();
-    for c in 0..4 {
-        for d in c + 1..4 {
-            let p = pair_p_value(32, base.iter().map(|u| (u[c], u[d])));
-            p_values.push((format!("numbers {c} and {d}"), p));
-        }
-    }
-    let odd: Vec<_> = base.iter().skip(1).step_by(2).copied().collect();
-    let others = [
-        ("same place in the other half", of(0, 4)),
-        ("another place in the other half", of(0, 3)),
-        ("next vertex", of(1, 1)),
-        ("next vertex, next sample", of(1, 2)),
-        ("next pixel", odd),
-    ];
-    for (name, other) in &others {
-        // The last comparison uses every second pixel, so no pixel is in two pairs.
-        let step = if other.len() < base.len() { 2 } else { 1 };
-        for c in 0..4 {
-            for d in 0..4 {
-                let p = pair_p_value(32, base.iter().step_by(step).zip(other).map(|(a, b)| (a[c], b[d])));
-                p_values.push((format!("{name}, numbers {c} and {d}"), p));
-            }
-        }
-    }
+    let mut p_values: Vec<_> = within(&base).collect();
+    let [even, odd] = [0, 1].map(|first| base.iter().skip(first).step_by(2).copied().collect::<Vec<_>>());
+    p_values.extend(across("same place in the other half", &base, &of(0, 4)));
+    p_values.extend(across("another place in the other half", &base, &of(0, 3)));
+    p_values.extend(across("next vertex", &base, &of(1, 1)));
+    p_values.extend(across("next vertex, next sample", &base, &of(1, 2)));
+    // Only every second pixel has a partner, so no pixel is in two pairs.
+    p_values.extend(across("next pixel", &even, &odd));
     // Within a half, the pairs of one vertex are shuffled independently: x of one sample says nothing about z of another sample.
     let next = of(0, 2);
     for (c, d) in [(0, 2), (0, 3), (1, 2), (1, 3)] {
         let p = pair_p_value(32, base.iter().zip(&next).map(|(a, b)| (a[c], b[d])));
         p_values.push((format!("next sample, numbers {c} and {d}"), p));
     }
-    let threshold = threshold(p_values.len());
-    let failed: Vec<_> = p_values.iter().filter(|(_, p)| p.is_nan() || *p < threshold).collect();
-    assert!(failed.is_empty(), "{failed:?}");
+    assert_independent(&p_values);
 }
 
 const COUNT: usize = 1 << 20;
@@ -147,19 +152,15 @@ fn numbers(gpu: &Gpu, offset: [u32; 4]) -> Vec<[f32; 4]> {
 
 #[test]
 fn random_numbers_are_uniform_and_neighbours_independent() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     let base = numbers(&gpu, [0; 4]);
     assert!(base.iter().flatten().all(|u| (0.0..1.0).contains(u)));
-    let mut p_values = Vec::new();
+    let mut p_values: Vec<_> = within(&base).collect();
     for c in 0..4 {
         let mut observed = vec![0.0; 1024];
         base.iter().for_each(|u| observed[(u[c] * 1024.0) as usize] += 1.0);
         p_values
-            .push((format!("component {c}"), chi_square_test(&observed, &vec![COUNT as f64 / 1024.0; 1024])));
-        for d in c + 1..4 {
-            let p = pair_p_value(32, base.iter().map(|u| (u[c], u[d])));
-            p_values.push((format!("components {c} and {d}"), p));
-        }
+            .push((format!("number {c}"), chi_square_test(&observed, &vec![COUNT as f64 / 1024.0; 1024])));
     }
     let neighbours = [
         ("right pixel", [1, 0, 0, 0]),
@@ -169,17 +170,7 @@ fn random_numbers_are_uniform_and_neighbours_independent() {
         ("next seed", [0, 0, 0, 1]),
     ];
     for (name, offset) in neighbours {
-        let shifted = numbers(&gpu, offset);
-        for c in 0..4 {
-            for d in 0..4 {
-                let p = pair_p_value(32, base.iter().zip(&shifted).map(|(a, b)| (a[c], b[d])));
-                p_values.push((format!("{name}, components {c} and {d}"), p));
-            }
-        }
+        p_values.extend(across(name, &base, &numbers(&gpu, offset)));
     }
-    let threshold = threshold(p_values.len());
-    let least = p_values.iter().min_by(|a, b| a.1.total_cmp(&b.1));
-    println!("{} tests, threshold {threshold:.2e}, least p {least:?}", p_values.len());
-    let failed: Vec<_> = p_values.iter().filter(|(_, p)| p.is_nan() || *p < threshold).collect();
-    assert!(failed.is_empty(), "{failed:?}");
+    assert_independent(&p_values);
 }

@@ -1,7 +1,5 @@
 //! Runs one WGSL function in many invocations, and reads the records of light paths as bits for exact comparisons.
 
-use wgpu::ShaderStages;
-
 use crate::gpu::buffers::Results;
 use crate::gpu::pipeline::{READ, TEXEL_ARRAY, WRITE};
 use crate::gpu::{Gpu, shader};
@@ -22,10 +20,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
 }
 ";
 
-pub(crate) fn gpu() -> Gpu {
-    Gpu::open(None, 0).expect("the README's test command installs a Vulkan driver")
-}
-
 /// Returns `work(0), …, work(count − 1)`. The WGSL in `source` defines `fn work(index: u32) -> vec4f`; it may import shared shaders and
 /// read `input`. `shared` holds the resources of group 0 that the imported shaders read, with their bindings.
 pub(super) fn run(
@@ -44,53 +38,28 @@ pub(super) fn run(
         shared.iter().map(|(binding, resource)| (*binding, resource.clone(), true)).collect();
     let own = vec![(0, input.as_entire_binding(), true), (1, output.buffer.as_entire_binding(), false)];
     let groups = [shared, own];
-    let submission = gpu.guarded("test", || {
-        let layouts = groups.each_ref().map(|group| layout(gpu, group));
-        let source = wgpu::ShaderSource::Wgsl(text.into());
-        let [pipeline] = gpu.pipelines("test", source, &layouts.each_ref(), ["main"]);
-        let mut encoder = gpu.encoder();
+    let request = output.launch(gpu, "test", bytes, |encoder| {
+        let layouts = groups.each_ref().map(|group| {
+            let ty = |resource: &_, is_read| match resource {
+                wgpu::BindingResource::TextureView(_) => TEXEL_ARRAY,
+                _ if is_read => READ,
+                _ => WRITE,
+            };
+            gpu.layout_at("test", group.iter().map(|(at, resource, is_read)| (*at, ty(resource, *is_read))))
+        });
+        let module = gpu.module("test", wgpu::ShaderSource::Wgsl(text.into()));
+        let [pipeline] = gpu.pipelines("test", &module, &layouts.each_ref(), ["main"]);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&pipeline);
         for ((index, layout), group) in (0..).zip(&layouts).zip(&groups) {
-            pass.set_bind_group(index, &bind_group(gpu, layout, group), &[]);
+            let resources = group.iter().map(|(at, resource, _)| (*at, resource.clone()));
+            pass.set_bind_group(index, &gpu.bind_at("test", layout, resources), &[]);
         }
         pass.dispatch_workgroups(count.div_ceil(64) as u32, 1, 1);
-        drop(pass);
-        output.submit(gpu, encoder, bytes)
     });
-    let request = output.request(bytes, submission.expect("the test's kernel runs"));
-    let view = output.wait(gpu, request).expect("results can be read back");
+    let request = request.expect("the test's kernel runs");
+    let view = request.wait(gpu).expect("results can be read back");
     bytemuck::cast_slice(&view).to_vec()
-}
-
-type Entry<'a> = (u32, wgpu::BindingResource<'a>, bool);
-
-fn layout(gpu: &Gpu, group: &[Entry<'_>]) -> wgpu::BindGroupLayout {
-    let entry = |(binding, resource, read_only): &Entry<'_>| wgpu::BindGroupLayoutEntry {
-        binding: *binding,
-        visibility: ShaderStages::COMPUTE,
-        ty: match resource {
-            wgpu::BindingResource::TextureView(_) => TEXEL_ARRAY,
-            _ if *read_only => READ,
-            _ => WRITE,
-        },
-        count: None,
-    };
-    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: None,
-        entries: &group.iter().map(entry).collect::<Vec<_>>(),
-    })
-}
-
-fn bind_group(gpu: &Gpu, layout: &wgpu::BindGroupLayout, group: &[Entry<'_>]) -> wgpu::BindGroup {
-    let entries = group
-        .iter()
-        .map(|(binding, resource, _)| wgpu::BindGroupEntry { binding: *binding, resource: resource.clone() });
-    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout,
-        entries: &entries.collect::<Vec<_>>(),
-    })
 }
 
 /// The record of one path as bits: rays, direct light, ambient light, and connections (camera pixel, projector pixel, value).
@@ -98,7 +67,7 @@ pub(super) type PathRecord = (u64, [u32; 3], [u32; 3], Vec<(u32, u32, [u32; 3])>
 
 pub(super) fn path_records(tracer: &mut Tracer, strategy: &Strategy) -> Vec<PathRecord> {
     let mut records = Vec::new();
-    let mut visit = |batch: &Batch<'_>| {
+    trace(tracer, strategy, |batch| {
         records.extend((0..batch.len()).map(|path| {
             let connections = batch.connections(path).map(|connection| {
                 (connection.camera, connection.projector, connection.value.map(f32::to_bits))
@@ -107,12 +76,20 @@ pub(super) fn path_records(tracer: &mut Tracer, strategy: &Strategy) -> Vec<Path
             let [direct, ambient] = [batch.direct(path), ambient].map(|light| light.map(f32::to_bits));
             (batch.rays(path), direct, ambient, connections.collect())
         }));
+    });
+    records
+}
+
+/// Traces all paths of a strategy.
+pub(super) fn trace(tracer: &mut Tracer, strategy: &Strategy, mut visit: impl FnMut(&Batch<'_>)) {
+    let summary = &mut TraceSummary::default();
+    let mut visit = |batch: &Batch<'_>| {
+        visit(batch);
         Ok(())
     };
     tracer
-        .run(strategy, 0..strategy.paths(), strategy.paths(), &mut TraceSummary::default(), &mut visit)
+        .run(strategy, 0..strategy.paths(), strategy.paths(), summary, &mut visit)
         .expect("the scene can be traced");
-    records
 }
 
 pub(crate) fn tracer(scene: &Scene) -> Tracer {

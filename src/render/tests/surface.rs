@@ -4,7 +4,7 @@ use glam::{Affine2, DMat2, DVec2, DVec3, Vec2, Vec3, vec2, vec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::support::{gpu, run};
+use super::support::run;
 use crate::gpu::Gpu;
 use crate::render::geometry::GpuScene;
 use crate::render::materials::{GpuTexture, TextureRole, pack_texels, srgb_table};
@@ -154,7 +154,7 @@ fn each_texture_multiplies_its_own_factor() {
         texture([255, 255, 188, 9]),
     ];
     scene.triangles[0].colors = [[65535, 65535, 0, 0], [65535, 65535, 0, 65535], [65535; 4]];
-    let found = look(&gpu(), &scene, &[FRONT])[0];
+    let found = look(&Gpu::for_tests(), &scene, &[FRONT])[0];
     // The linear value of the sRGB byte 188 (IEC 61966-2-1).
     let half = (((188.0 / 255.0) + 0.055) / 1.055_f32).powf(2.4);
     // The tolerance is a few roundings of numbers up to 3.
@@ -177,7 +177,7 @@ fn each_texture_multiplies_its_own_factor() {
 
 #[test]
 fn the_alpha_mode_decides_the_effect_of_the_opacity() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     let opacity = |alpha_mode, opacity| {
         look(&gpu, &scene(Material { alpha_mode, opacity, ..Material::default() }), &[FRONT])[0].opacity
     };
@@ -189,7 +189,7 @@ fn the_alpha_mode_decides_the_effect_of_the_opacity() {
 
 #[test]
 fn the_back_of_a_one_sided_opaque_surface_is_black() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     let one_sided = Material { double_sided: false, emission: Vec3::ONE, ..Material::default() };
     let sides = |material: Material| {
         let found = look(&gpu, &scene(material), &[FRONT, BACK]);
@@ -213,7 +213,7 @@ fn the_back_of_a_one_sided_opaque_surface_is_black() {
 
 #[test]
 fn media_lie_behind_the_front() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     let volume = Volume { attenuation_color: vec3(0.5, 1.0, 1.0), attenuation_distance: 2.0 };
     let solid = Material { transmission: 1.0, volume: Some(volume), ior: 1.25, ..Material::default() };
     let found = look(&gpu, &scene(solid.clone()), &[FRONT, BACK]);
@@ -231,7 +231,7 @@ fn media_lie_behind_the_front() {
 
 #[test]
 fn vertex_normals_are_blended_on_the_rays_side_and_above_the_horizon() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     let mut scene = scene(Material::default());
     let normals = [vec3(0.6, 0.0, 0.8), vec3(0.0, -0.8, 0.6), vec3(-0.28, 0.96, 0.0)];
     scene.triangles[0].normals = normals;
@@ -268,7 +268,7 @@ fn bumped(triangle: &Triangle, map: Affine2, normal: DVec3, bump: DVec3) -> DVec
 
 #[test]
 fn normal_maps_bend_the_smooth_normal_in_the_frame_of_their_coordinates() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     let mut random = Pcg64::seed_from_u64(7);
     let mut number = |low: f32, high: f32| random.random_range(low..high);
     for case in 0..12 {
@@ -364,7 +364,7 @@ fn textures_are_filtered_and_wrapped_as_gltf_defines() {
         })
         .collect();
 
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     let textures: Vec<GpuTexture> = uses
         .iter()
         .map(|&(texture, role)| GpuTexture::new(&scene, &TextureRef::new(texture as u32), role))

@@ -2,9 +2,9 @@
 
 use glam::{Vec3, vec3};
 
-use super::support::tracer;
+use super::support::{trace, tracer};
 use crate::image::Resolution;
-use crate::render::{Sampler, TraceSettings, TraceSummary, Tracer};
+use crate::render::{Sampler, TraceSettings, Tracer};
 use crate::scene::builtin::{Model, Part, plane};
 use crate::scene::{AlphaMode, Lens, Material, Scene, Volume};
 
@@ -119,7 +119,7 @@ fn photos(
             strategies[0].parameters.end_to_start = 0.0;
         }
         for strategy in &strategies {
-            let mut visit = |batch: &crate::render::Batch<'_>| {
+            trace(tracer, strategy, |batch| {
                 for index in 0..batch.len() {
                     if batch.symmetric() {
                         photo[batch.pixel(index) as usize] += f64::from(batch.direct(index)[1]);
@@ -131,17 +131,7 @@ fn photos(
                         }
                     }
                 }
-                Ok(())
-            };
-            tracer
-                .run(
-                    strategy,
-                    0..strategy.paths(),
-                    strategy.paths(),
-                    &mut TraceSummary::default(),
-                    &mut visit,
-                )
-                .expect("the scene can be traced");
+            });
         }
         photo.iter().map(|value| value / f64::from(settings.samples)).collect()
     };
@@ -168,6 +158,11 @@ fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
 
 const SEEDS: u32 = 20;
 
+fn independent(max_bounces: u32, samples: u32) -> TraceSettings {
+    let settings = TraceSettings::new(Resolution::new(SIDE, SIDE), samples);
+    TraceSettings { max_bounces, sampler: Sampler::Independent, ..settings }
+}
+
 /// Asserts that the camera's paths alone and the paths of both endpoints give the same photos. Each kind of path has its own settings.
 fn assert_same_photos(name: &str, scene: &Scene, (of_camera, of_both): (&TraceSettings, &TraceSettings)) {
     let mut tracer = tracer(scene);
@@ -186,11 +181,7 @@ fn assert_same_photos(name: &str, scene: &Scene, (of_camera, of_both): (&TraceSe
 /// wrong density or probability of the reverse path would show as a difference.
 #[test]
 fn paths_of_both_endpoints_give_the_photos_of_the_cameras_paths() {
-    let settings = TraceSettings {
-        max_bounces: 5,
-        sampler: Sampler::Independent,
-        ..TraceSettings::new(Resolution::new(SIDE, SIDE), 128)
-    };
+    let settings = independent(5, 128);
     let roulette = TraceSettings { russian_roulette: true, ..settings };
     assert_same_photos("coaxial", &room(), (&settings, &roulette));
 
@@ -226,13 +217,8 @@ fn veils() -> Scene {
 /// At every vertex, not only at the first, the reverse density is multiplied by the probability that the surface interacts with light.
 #[test]
 fn the_weights_of_paths_between_veils_add_up_to_one() {
-    let scene = veils();
-    let settings = TraceSettings {
-        max_bounces: 6,
-        sampler: Sampler::Independent,
-        ..TraceSettings::new(Resolution::new(SIDE, SIDE), 128)
-    };
-    assert_same_photos("veils", &scene, (&settings, &settings));
+    let settings = independent(6, 128);
+    assert_same_photos("veils", &veils(), (&settings, &settings));
 }
 
 /// A matte wall behind a pane of smooth glass. All light passes the glass on its way from the projector and on its way to the camera.
@@ -261,12 +247,6 @@ fn behind_glass() -> Scene {
 /// projector, the camera's connections have the weight 1.
 #[test]
 fn gathered_connections_are_weighted_by_the_paths_from_either_end() {
-    let scene = behind_glass();
-    let settings = TraceSettings {
-        max_bounces: 7,
-        sampler: Sampler::Independent,
-        projector: Some(Resolution::new(24, 16)),
-        ..TraceSettings::new(Resolution::new(SIDE, SIDE), 32)
-    };
-    assert_same_photos("behind glass", &scene, (&settings, &settings));
+    let settings = TraceSettings { projector: Some(Resolution::new(24, 16)), ..independent(7, 32) };
+    assert_same_photos("behind glass", &behind_glass(), (&settings, &settings));
 }

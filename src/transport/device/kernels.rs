@@ -1,12 +1,8 @@
 //! The kernels that assemble a matrix, their parameters, and their dispatches.
 
-use std::borrow::Cow;
-
-use wgpu::BufferUsages;
-
 use crate::error::{Error, Result};
-use crate::gpu::pipeline::{READ, UNIFORM, WRITE, grid};
-use crate::gpu::{Gpu, shader};
+use crate::gpu::Gpu;
+use crate::gpu::pipeline::{Kernel, READ, Step, WRITE};
 
 /// The maximum number of contributions of a part; `SORTED` of `shaders/assemble_parts.wgsl`.
 pub(super) const MOST_OF_PART: u32 = 512;
@@ -75,14 +71,6 @@ pub(super) fn split(value: f64) -> [f32; 2] {
     [high, (value - f64::from(high)) as f32]
 }
 
-#[derive(Clone)]
-pub(super) struct Kernel {
-    /// The entry point.
-    name: &'static str,
-    pipeline: wgpu::ComputePipeline,
-    layout: wgpu::BindGroupLayout,
-}
-
 /// All kernels for matrices of a number of channels.
 #[derive(Clone)]
 pub(super) struct Kernels {
@@ -128,161 +116,76 @@ impl Kernels {
     fn new(gpu: &Gpu, channels: usize, packing: Packing) -> Result<Self> {
         let channels = ("CHANNELS", channels as f64);
         let flag = |name, set: bool| (name, f64::from(u8::from(set)));
-        let one = |name: &str,
-                   entry_point: &'static str,
-                   constants: &[(&str, f64)],
-                   buffers: &[wgpu::BindingType]| {
-            Kernel::all(gpu, name, [entry_point], constants, buffers).map(|[kernel]| kernel)
+        let of = |reads: usize, writes: usize| [[READ].repeat(reads), [WRITE].repeat(writes)].concat();
+        let one = |name: &str, entry_point, constants: &[(&str, f64)], buffers: &[wgpu::BindingType]| {
+            unchecked(gpu, name, [entry_point], constants, buffers).map(|[kernel]| kernel)
         };
         let rows = |is_long: bool| {
             let constants = [channels, flag("PACKED", packing.of_row), flag("LONG", is_long)];
-            let buffers = [WRITE, READ, READ, WRITE, WRITE, WRITE, WRITE];
-            one("assemble_rows", "merge_rows", &constants, &buffers)
+            one("assemble_rows", "merge_rows", &constants, &[&of(0, 1)[..], &of(2, 4)].concat())
         };
+        let scan = ["scan_blocks", "scan_sums", "scan_add"];
         let of_part = [channels, flag("PACKED", packing.of_part)];
         Ok(Self {
-            parts: one(
-                "assemble_parts",
-                "sum_parts",
-                &of_part,
-                &[READ, WRITE, WRITE, WRITE, WRITE, WRITE, WRITE],
-            )?,
-            pixels: one(
-                "assemble_pixels",
-                "sum_pixels",
-                &[channels],
-                &[READ, READ, WRITE, WRITE, WRITE, WRITE],
-            )?,
-            scan: Kernel::all(
-                gpu,
-                "assemble_scan",
-                ["scan_blocks", "scan_sums", "scan_add"],
-                &[],
-                &[WRITE; 4],
-            )?,
-            scatter: one(
-                "assemble_scatter",
-                "scatter",
-                &[channels],
-                &[READ, READ, READ, READ, WRITE, WRITE],
-            )?,
+            parts: one("assemble_parts", "sum_parts", &of_part, &of(1, 6))?,
+            pixels: one("assemble_pixels", "sum_pixels", &[channels], &of(2, 4))?,
+            scan: unchecked(gpu, "assemble_scan", scan, &[], &of(0, 4))?,
+            scatter: one("assemble_scatter", "scatter", &[channels], &of(4, 2))?,
             rows: [rows(false)?, rows(true)?],
-            sums: one("assemble_sums", "sum_rows", &[channels], &[READ, WRITE, WRITE])?,
-            squares: one("assemble_squares", "sum_squares", &[], &[READ, WRITE])?,
-            pack: one("assemble_pack", "pack", &[channels], &[READ, READ, READ, READ, READ, WRITE, WRITE])?,
+            sums: one("assemble_sums", "sum_rows", &[channels], &of(1, 2))?,
+            squares: one("assemble_squares", "sum_squares", &[], &of(1, 1))?,
+            pack: one("assemble_pack", "pack", &[channels], &of(5, 2))?,
         })
     }
 }
 
-impl Kernel {
-    /// The kernels of these entry points of a shader. Their parameters are bound first, and then `buffers`.
-    fn all<const N: usize>(
-        gpu: &Gpu,
-        name: &str,
-        entry_points: [&'static str; N],
-        constants: &[(&str, f64)],
-        buffers: &[wgpu::BindingType],
-    ) -> Result<[Self; N]> {
-        let module = shader::kernel(name, constants)?;
-        let bindings: Vec<_> = std::iter::once(UNIFORM).chain(buffers.iter().copied()).collect();
-        gpu.guarded(name, || {
-            let layout = gpu.layout(name, &bindings);
-            let source = wgpu::ShaderSource::Naga(Cow::Owned(module));
-            // SAFETY: indices follow from counts that the kernels themselves have made: of contributions, terms and entries. Buffers have
-            // room for the largest possible counts, and loops count up to them.
-            #[allow(unsafe_code, reason = "the checks would double the time of assembly")]
-            let pipelines = unsafe { gpu.unchecked_pipelines(name, source, &[&layout], entry_points) };
-            let mut kernels = entry_points.into_iter().zip(pipelines);
-            std::array::from_fn(|_| {
-                let (name, pipeline) = kernels.next().expect("each entry point has a pipeline");
-                Self { name, pipeline, layout: layout.clone() }
-            })
-        })
-    }
+#[allow(unsafe_code, reason = "the checks would double the time of assembly")]
+fn unchecked<const N: usize>(
+    gpu: &Gpu,
+    name: &str,
+    entry_points: [&'static str; N],
+    constants: &[(&str, f64)],
+    buffers: &[wgpu::BindingType],
+) -> Result<[Kernel; N]> {
+    Kernel::all(gpu, name, entry_points, constants, buffers, |source| {
+        // SAFETY: indices follow from counts that the kernels themselves have made: of contributions, terms and entries. Buffers have room
+        // for the largest possible counts, and loops count up to them.
+        unsafe { gpu.unchecked_module(name, source) }
+    })
+}
 
-    /// The dispatch of `groups` workgroups with these parameters and buffers. It can be recorded several times.
-    pub(super) fn step(
-        &self,
-        gpu: &Gpu,
-        parameters: &Assembly,
-        buffers: &[&wgpu::Buffer],
-        groups: u32,
-    ) -> Result<Step> {
-        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let uniform = gpu.buffer("parameters of assembly", size_of::<Assembly>() as u64, usage)?;
-        let group = gpu.guarded("bindings of assembly", || {
-            gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(parameters));
-            let buffers = std::iter::once(&uniform).chain(buffers.iter().copied());
-            gpu.bind("assembly", &self.layout, buffers.map(wgpu::Buffer::as_entire_binding))
-        })?;
-        Ok(Step { name: self.name, pipeline: self.pipeline.clone(), group, uniform, groups: grid(groups) })
+/// Records dispatches one after the other.
+pub(super) fn record<'a>(
+    gpu: &Gpu,
+    steps: impl IntoIterator<Item = &'a Step>,
+    encoder: &mut wgpu::CommandEncoder,
+) {
+    // If passes are timed, each step is a pass of its own.
+    if gpu.is_timed() {
+        steps.into_iter().for_each(|step| Step::record(gpu, step.name, [step], encoder));
+    } else {
+        Step::record(gpu, "assembly", steps, encoder);
     }
 }
 
-pub(super) struct Step {
-    name: &'static str,
-    pipeline: wgpu::ComputePipeline,
-    group: wgpu::BindGroup,
-    uniform: wgpu::Buffer,
-    groups: [u32; 2],
-}
-
-impl Step {
-    /// Changes the parameters and the number of workgroups, for dispatches that are submitted from now on.
-    pub(super) fn change(&mut self, gpu: &Gpu, parameters: &Assembly, groups: u32) -> Result<()> {
-        self.groups = grid(groups);
-        gpu.guarded("parameters of assembly", || {
-            gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(parameters));
-        })
-    }
-
-    /// Records dispatches one after the other.
-    pub(super) fn record<'a>(
-        gpu: &Gpu,
-        steps: impl IntoIterator<Item = &'a Self>,
-        encoder: &mut wgpu::CommandEncoder,
-    ) {
-        let dispatch = |pass: &mut wgpu::ComputePass<'_>, step: &Self| {
-            let Self { pipeline, group, groups: [across, down], .. } = step;
-            if *across > 0 {
-                pass.set_pipeline(pipeline);
-                pass.set_bind_group(0, group, &[]);
-                pass.dispatch_workgroups(*across, *down, 1);
-            }
-        };
-        // If passes are timed, each step is a pass of its own.
-        if gpu.is_timed() {
-            steps.into_iter().for_each(|step| dispatch(&mut gpu.pass(encoder, step.name), step));
-        } else {
-            let mut pass = gpu.pass(encoder, "assembly");
-            steps.into_iter().for_each(|step| dispatch(&mut pass, step));
-        }
-    }
-
-    /// Submits dispatches one after the other.
-    pub(super) fn submit<'a>(gpu: &Gpu, steps: impl IntoIterator<Item = &'a Self>) -> Result<()> {
-        gpu.guarded("assembly", || {
-            let mut encoder = gpu.encoder();
-            Self::record(gpu, steps, &mut encoder);
-            gpu.queue.submit([encoder.finish()]);
-        })
-    }
+/// Submits dispatches one after the other.
+pub(super) fn submit<'a>(gpu: &Gpu, steps: impl IntoIterator<Item = &'a Step>) -> Result<()> {
+    gpu.submit("assembly", |encoder| record(gpu, steps, encoder)).map(drop)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::layout::{assert_constant, assert_layout, offsets};
+    use crate::gpu::layout::{assert_constant, assert_layout};
 
     #[test]
     fn parameters_lie_as_the_shaders_read_them() {
-        let members = offsets!(
-            Assembly: luminance, paths, mean, first_pixel, first_sample, error_high, error_low, samples, first_half,
+        assert_layout!(
+            "assemble_scan", "Assembly", Assembly: luminance, paths, mean, first_pixel, first_sample, error_high, error_low, samples, first_half,
             samples_of_part, parts_of_pixel, parts_of_first_half, first_part, parts, max_bounces, direct, gathers, ambient,
             stride, mark, split, lowest_class, class_bits, part_bits, own_base, other_base, first_row, rows, flags,
             class_number, channel, first_halves, total, padding,
         );
-        assert_layout("assemble_scan", "Assembly", members, size_of::<Assembly>());
         assert_constant("assemble_parts", "SORTED", MOST_OF_PART);
         assert_constant("assemble_parts", "PLACE_BITS", MOST_OF_PART.ilog2());
         assert_constant("assemble_rows", "SORTED", MOST_OF_ROW);

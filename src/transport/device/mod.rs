@@ -19,8 +19,8 @@ mod tests;
 
 use std::sync::Arc;
 
-use self::kernels::{Assembly, BLOCK, Kernels, PIXELS_OF_GROUP, Packing, SUMS, Step, split};
-use self::parts::{ClassRange, Division, Endpoint, Parts};
+use self::kernels::{Assembly, BLOCK, Kernels, PIXELS_OF_GROUP, Packing, SUMS, split, submit};
+use self::parts::{ClassRange, Endpoint, Parts};
 use self::rows::Rows;
 use super::assembled::{Assembled, shape};
 use super::gpu_matrix::{self, DeviceLayer, GpuMatrix};
@@ -55,10 +55,6 @@ impl Limits {
         let entries = usize::try_from(Self::ENTRIES.min(room)).unwrap_or(usize::MAX);
         Self { arena: Self::ARENA.min(room), entries, packs: true }
     }
-
-    fn of_bands(self) -> gpu_matrix::Limits {
-        gpu_matrix::Limits { entries: self.entries, rows: usize::MAX }
-    }
 }
 
 /// The maximum number of parts of a pixel. Software Vulkan leaves a loop after 65,535 iterations without an error.
@@ -75,7 +71,7 @@ pub(super) fn assemble(
     split: bool,
 ) -> Result<Assembled> {
     let gpu = tracer.gpu().clone();
-    require_double_precision(&gpu)?;
+    gpu.require_double_precision("sums of light")?;
     // The device is tested while the tracer prepares.
     let (works, layouts) =
         rayon::join(|| self_test::require_working(&gpu, channels), || tracer.prepare_resident(settings));
@@ -83,28 +79,13 @@ pub(super) fn assemble(
     let rig = shape(tracer, settings);
     let limits = Limits::of(&gpu, channels.count());
     let assembly = Assembling::new(&gpu, rig, channels, (settings.samples, split), &layouts?, limits)?;
-    let mut parts = assembly.parts()?;
-    let mut summary = tracer.trace_resident(settings, &mut parts)?;
-    let made = assembly.finish(&parts)?;
-    if made.unfinished > 0 {
-        return Err(tracer.unfinished(made.unfinished, summary.paths));
+    let mut parts = Parts::new(&assembly)?;
+    let summary = tracer.trace_resident(settings, &mut parts)?;
+    let (assembled, unfinished) = assembly.finish(&parts, summary)?;
+    if unfinished > 0 {
+        return Err(tracer.unfinished(unfinished, summary.paths));
     }
-    summary.rays = made.rays;
-    Ok(Assembled { summary, ..made.assembled })
-}
-
-fn require_double_precision(gpu: &Gpu) -> Result<()> {
-    if gpu.summary.double_precision {
-        return Ok(());
-    }
-    Err(Error::device(format!("{} cannot calculate in f64, which sums of light need", gpu.summary.name)))
-}
-
-/// A matrix with the cost of its paths.
-struct Made {
-    assembled: Assembled,
-    rays: u64,
-    unfinished: u64,
+    Ok(assembled)
 }
 
 /// The assembly of one matrix.
@@ -114,7 +95,6 @@ struct Assembling<'a> {
     limits: Limits,
     rig: RigShape,
     channels: Channels,
-    split: bool,
     classes: ClassRange,
     /// The parameters that all steps have in common.
     base: Assembly,
@@ -132,9 +112,8 @@ impl<'a> Assembling<'a> {
     ) -> Result<Self> {
         let direct = layouts.first().is_some_and(|layout| layout.direct);
         let classes = ClassRange::of(direct, is_split);
-        let divisions: Vec<Division> =
-            layouts.iter().map(|layout| Division::new(layout.samples, layout.most_ends())).collect();
-        let most_parts = divisions.iter().map(|division| division.parts_of_pixel).max().unwrap_or(1);
+        let divided = |layout: &RecordLayout| Assembly::default().divided(layout.samples, layout.most_ends());
+        let most_parts = layouts.iter().map(|layout| divided(layout).parts_of_pixel).max().unwrap_or(1);
         if most_parts > MOST_PARTS {
             return Err(Error::device(format!("{samples} samples of a pixel are too many for its sums")));
         }
@@ -153,7 +132,7 @@ impl<'a> Assembling<'a> {
             of_endpoint.copy_from_slice(&[split(first), split(second)]);
         }
         let [mean, ..] = Halves::new(samples, samples).weights();
-        let halves = |index: usize| divisions.get(index).map_or(0, |division| division.parts_of_first_half);
+        let halves = |index: usize| layouts.get(index).map_or(0, |of| divided(of).parts_of_first_half);
         let base = Assembly {
             luminance: crate::image::LUMINANCE.map(|share| share as f32),
             split: u32::from(is_split),
@@ -167,12 +146,7 @@ impl<'a> Assembling<'a> {
             first_halves: [halves(0), halves(1)],
             ..Assembly::default()
         };
-        Ok(Self { gpu, kernels, limits, rig, channels, split: is_split, classes, base })
-    }
-
-    fn parts(&self) -> Result<Parts> {
-        let of = (self.channels.count(), self.rig);
-        Parts::new(self.gpu, self.kernels.clone(), self.limits, of, self.base)
+        Ok(Self { gpu, kernels, limits, rig, channels, classes, base })
     }
 
     /// Submits the sums of direct and ambient light and of the paths' costs.
@@ -192,26 +166,20 @@ impl<'a> Assembling<'a> {
             steps.push(self.kernels.pixels.step(gpu, &parameters, &buffers, groups)?);
             costs.push((of_groups, 4 * groups as usize));
         }
-        Step::submit(gpu, &steps)?;
+        submit(gpu, &steps)?;
         Ok(PixelLight { has_any, has_ambient, estimates, direct, ambient, costs })
     }
 
     /// The layers of the matrix, or of its transpose, and the sums of its rows.
-    fn layers(&self, parts: &Parts, light: &PixelLight, is_transposed: bool) -> Result<(Layers, Lent)> {
+    fn layers(&self, parts: &Parts<'_>, light: &PixelLight, is_transposed: bool) -> Result<(Layers, Lent)> {
         let [rows, columns] = match is_transposed {
             false => [self.rig.camera, self.rig.projector].map(Resolution::pixels),
             true => [self.rig.projector, self.rig.camera].map(Resolution::pixels),
         };
-        let channels = self.channels.count();
-        let sums = self.gpu.scratch("sums of rows", 8 * (rows * (2 * channels + 4)) as u64)?;
+        let sums = self.gpu.scratch("sums of rows", 8 * (rows * (2 * self.channels.count() + 4)) as u64)?;
         let flags = |endpoint| (endpoint, Endpoint::flags(endpoint, is_transposed));
         let made = Rows {
-            gpu: self.gpu,
-            kernels: &self.kernels,
-            limits: self.limits,
-            channels,
-            classes: self.classes,
-            base: self.base,
+            of: self,
             sources: parts.endpoints.iter().map(flags).collect(),
             counts: &parts.counts,
             first_count: if is_transposed { self.rig.camera.pixels() as u32 } else { 0 },
@@ -220,13 +188,13 @@ impl<'a> Assembling<'a> {
             estimates: &light.estimates,
             sums: &sums,
         };
-        let layers = made.layers(&classes(self.split)[self.classes.lowest as usize..])?;
+        let layers = made.layers(&classes(self.base.split == 1)[self.classes.lowest as usize..])?;
         let keeps = |layer: &DeviceLayer| layer.bounces != Bounces::One || layer.entries > 0;
         Ok((layers.into_iter().filter(keeps).map(Arc::new).collect(), sums))
     }
 
-    /// Makes the matrix from the terms of all paths.
-    fn finish(&self, parts: &Parts) -> Result<Made> {
+    /// Makes the matrix from the terms of all paths. Returns it with the number of unfinished paths.
+    fn finish(&self, parts: &Parts<'_>, summary: TraceSummary) -> Result<(Assembled, u64)> {
         let (gpu, channels, rig) = (self.gpu, self.channels.count(), self.rig);
         let camera = rig.camera.pixels();
         let light = self.pixels(&parts.endpoints)?;
@@ -240,10 +208,7 @@ impl<'a> Assembling<'a> {
         let white = gpu.scratch("errors of the white photo", 4 * plane as u64)?;
         let all = gpu.scratch("sums of the matrix", 8 * u64::from(groups) * SUMS as u64)?;
         let parameters = Assembly { rows: camera as u32, ..self.base };
-        Step::submit(
-            gpu,
-            &[self.kernels.sums.step(gpu, &parameters, &[&*of_rows, &*white, &*all], groups)?],
-        )?;
+        submit(gpu, &[self.kernels.sums.step(gpu, &parameters, &[&*of_rows, &*white, &*all], groups)?])?;
         let of_light = if light.has_any { plane } else { 0 };
         let mut asked = vec![
             (&*white, plane),
@@ -257,7 +222,7 @@ impl<'a> Assembling<'a> {
             let costs = found[4..].iter().flat_map(|words| words.as_chunks::<4>().0);
             costs.map(|cost| u64::from(cost[which])).sum::<u64>()
         });
-        let rays = low + (high << 16);
+        let summary = TraceSummary { rays: low + (high << 16), ..summary };
         let floats = |words: &[u32]| words.iter().map(|&word| f32::from_bits(word)).collect::<Vec<f32>>();
         let image = |words: &[u32]| {
             let plane = |words: &[u32]| floats(words).into_iter().map(f64::from).collect();
@@ -277,9 +242,9 @@ impl<'a> Assembling<'a> {
         };
         let of_host = layers.iter().map(|layer| Layer::on_device(Arc::clone(layer))).collect();
         let matrix = TransportMatrix::new(rig, self.channels, direct, of_host);
-        let gpu_matrix = Some(GpuMatrix::of_layers(gpu, &matrix, layers, transposed)?);
-        let assembled = Assembled { matrix, ambient, noise, summary: TraceSummary::default(), gpu_matrix };
-        Ok(Made { assembled, rays, unfinished })
+        let limits = gpu_matrix::Limits::of(gpu);
+        let gpu_matrix = Some(GpuMatrix::of_layers(gpu, &matrix, layers, transposed, limits)?);
+        Ok((Assembled { matrix, ambient, noise, summary, gpu_matrix }, unfinished))
     }
 }
 

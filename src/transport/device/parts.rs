@@ -3,36 +3,27 @@
 use std::collections::VecDeque;
 use std::ops::Range;
 
-use wgpu::BufferUsages;
+use wgpu::{BufferUsages, CommandEncoder};
 
-use super::Limits;
-use super::kernels::{Assembly, Kernels, MOST_OF_PART, Step};
+use super::Assembling;
+use super::kernels::{Assembly, MOST_OF_PART, record};
 use super::rows::too_many;
 use crate::error::{Error, Result};
-use crate::gpu::buffers::{Readback, Results};
-use crate::gpu::{Gpu, Lent};
+use crate::gpu::Lent;
+use crate::gpu::buffers::Readback;
+use crate::gpu::pipeline::Step;
 use crate::render::{Consumer, RecordLayout, ResidentPaths};
-use crate::transport::RigShape;
 use crate::transport::contributions::CLASSES;
 
 /// How the samples of a pixel are divided into parts. Each part lies within one half of the samples, and has at most [`MOST_OF_PART`]
 /// contributions.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Division {
-    samples: u32,
-    first_half: u32,
-    samples_of_part: u32,
-    pub(super) parts_of_first_half: u32,
-    pub(super) parts_of_pixel: u32,
-}
-
-impl Division {
-    pub(super) fn new(samples: u32, most_ends: usize) -> Self {
+impl Assembly {
+    pub(super) fn divided(self, samples: u32, most_ends: usize) -> Self {
         let first_half = samples.div_ceil(2);
         let samples_of_part = (MOST_OF_PART / (most_ends as u32).max(1)).max(1);
         let parts_of_first_half = first_half.div_ceil(samples_of_part);
         let parts_of_pixel = parts_of_first_half + (samples - first_half).div_ceil(samples_of_part);
-        Self { samples, first_half, samples_of_part, parts_of_first_half, parts_of_pixel }
+        Self { samples, first_half, samples_of_part, parts_of_first_half, parts_of_pixel, ..self }
     }
 
     /// The number of the first path of a part. Paths are numbered `pixel · samples + sample`.
@@ -79,16 +70,14 @@ pub(super) struct Arena {
     step: Step,
     /// The terms of all dispatches that are done.
     terms: u64,
-    /// The largest possible number of terms of each dispatch in flight.
-    in_flight: VecDeque<u64>,
     room: u64,
 }
 
 /// The terms of the paths from one endpoint of the rig.
 pub(super) struct Endpoint {
     pub(super) layout: RecordLayout,
-    pub(super) division: Division,
     pub(super) paths: u64,
+    /// The parameters that all steps for these paths have in common.
     pub(super) base: Assembly,
     records: wgpu::Buffer,
     /// For each part: its first term in its arena, the number of its terms, its rays, and its unfinished paths.
@@ -100,7 +89,7 @@ pub(super) struct Endpoint {
 
 impl Endpoint {
     pub(super) fn pixels(&self) -> u32 {
-        (self.paths / u64::from(self.division.samples)) as u32
+        (self.paths / u64::from(self.base.samples)) as u32
     }
 
     pub(super) fn terms(&self) -> u64 {
@@ -110,9 +99,9 @@ impl Endpoint {
 
 struct InFlight {
     arena: usize,
-    slot: usize,
     paths: u32,
-    readback: Option<Readback>,
+    /// The number of terms in the arena.
+    top: Readback,
 }
 
 /// The classes of bounces that occur: the lowest one, and the number of classes from there on.
@@ -135,132 +124,106 @@ impl ClassRange {
 }
 
 /// Sums the contributions of a trace, dispatch by dispatch.
-pub(super) struct Parts {
-    kernels: Kernels,
-    limits: Limits,
-    channels: usize,
-    rig: RigShape,
-    /// The parameters that all steps have in common.
-    base: Assembly,
+pub(super) struct Parts<'a> {
+    of: &'a Assembling<'a>,
     /// The number of terms of each row of the matrix, and then of each row of its transpose if the rig is not symmetric.
     pub(super) counts: wgpu::Buffer,
     pub(super) endpoints: Vec<Endpoint>,
-    /// The buffers through which the host reads how full an arena is.
-    slots: Vec<wgpu::Buffer>,
     in_flight: VecDeque<InFlight>,
     /// The paths of this endpoint that are done.
     finished: u64,
 }
 
-impl Parts {
-    pub(super) fn new(
-        gpu: &Gpu,
-        kernels: Kernels,
-        limits: Limits,
-        (channels, rig): (usize, RigShape),
-        base: Assembly,
-    ) -> Result<Self> {
-        let rows = rig.camera.pixels() + if rig.symmetric { 0 } else { rig.projector.pixels() };
+impl<'a> Parts<'a> {
+    pub(super) fn new(of: &'a Assembling<'a>) -> Result<Self> {
+        let rows = of.rig.camera.pixels() + if of.rig.symmetric { 0 } else { of.rig.projector.pixels() };
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
-        let counts = gpu.buffer("terms of rows", 4 * rows as u64, usage)?;
-        let slot = |_| gpu.buffer("terms of an arena", 4, BufferUsages::MAP_READ | BufferUsages::COPY_DST);
-        let slots = (0..2).map(slot).collect::<Result<_>>()?;
-        let (endpoints, in_flight) = (Vec::new(), VecDeque::new());
-        let finished = 0;
-        Ok(Self { kernels, limits, channels, rig, base, counts, endpoints, slots, in_flight, finished })
+        let counts = of.gpu.buffer("terms of rows", 4 * rows as u64, usage)?;
+        Ok(Self { of, counts, endpoints: Vec::new(), in_flight: VecDeque::new(), finished: 0 })
     }
 
     fn current(&self) -> &Endpoint {
         &self.endpoints[self.endpoints.len() - 1]
     }
 
+    fn current_mut(&mut self) -> &mut Endpoint {
+        let last = self.endpoints.len() - 1;
+        &mut self.endpoints[last]
+    }
+
     /// An empty arena for terms from the part `first` on.
-    fn arena(&self, gpu: &Gpu, first: u32, terms: u64) -> Result<Arena> {
-        let endpoint = self.current();
-        let keys = gpu.scratch("keys of terms", 4 * terms)?;
-        let values = gpu.scratch("values of terms", 4 * terms * self.channels as u64)?;
+    fn arena(&self, first: u32, room: u64) -> Result<Arena> {
+        let (gpu, endpoint) = (self.of.gpu, self.current());
+        let keys = gpu.scratch("keys of terms", 4 * room)?;
+        let values = gpu.scratch("values of terms", 4 * room * self.of.channels.count() as u64)?;
         let top = gpu.buffer("number of terms", 4, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
         let buffers =
             [&endpoint.records, &top, &*keys, &*values, &*endpoint.parts, &self.counts, &*endpoint.heads];
-        let step = self.kernels.parts.step(gpu, &endpoint.base, &buffers, 0)?;
-        Ok(Arena {
-            parts: first..first,
-            keys,
-            values,
-            top,
-            step,
-            terms: 0,
-            in_flight: VecDeque::new(),
-            room: terms,
-        })
+        let step = self.of.kernels.parts.step(gpu, &endpoint.base, &buffers, 0)?;
+        Ok(Arena { parts: first..first, keys, values, top, step, terms: 0, room })
     }
 }
 
-impl Consumer for Parts {
-    fn begin(&mut self, gpu: &Gpu, layout: &RecordLayout, paths: u64, records: &wgpu::Buffer) -> Result<()> {
-        let division = Division::new(layout.samples, layout.most_ends());
-        let pixels = paths / u64::from(layout.samples);
-        let parts = pixels * u64::from(division.parts_of_pixel);
-        if u32::try_from(parts).is_err() {
-            return Err(Error::device(format!(
-                "the paths have {parts} parts, and a GPU counts to {}",
-                u32::MAX
-            )));
-        }
+impl Consumer for Parts<'_> {
+    fn begin(&mut self, layout: &RecordLayout, paths: u64, records: &wgpu::Buffer) -> Result<()> {
+        let (gpu, rig) = (self.of.gpu, self.of.rig);
         // The numbers of the counts of the camera's pixels come first, and then those of the projector's.
-        let after = if self.rig.symmetric { 0 } else { self.rig.camera.pixels() as u32 };
+        let after = if rig.symmetric { 0 } else { rig.camera.pixels() as u32 };
         let base = Assembly {
-            samples: division.samples,
-            first_half: division.first_half,
-            samples_of_part: division.samples_of_part,
-            parts_of_pixel: division.parts_of_pixel,
-            parts_of_first_half: division.parts_of_first_half,
             max_bounces: layout.max_bounces,
             gathers: u32::from(layout.gathers),
             ambient: u32::from(layout.ambient),
             stride: layout.stride() as u32,
             own_base: if layout.from_camera { 0 } else { after },
             other_base: if layout.from_camera { after } else { 0 },
-            ..self.base
+            ..self.of.base.divided(layout.samples, layout.most_ends())
         };
-        let heads = if layout.direct || layout.ambient { 2 * parts * self.channels as u64 } else { 1 };
-        let endpoint = Endpoint {
+        let parts = paths / u64::from(base.samples) * u64::from(base.parts_of_pixel);
+        if u32::try_from(parts).is_err() {
+            return Err(Error::device(format!(
+                "the paths have {parts} parts, and a GPU counts to {}",
+                u32::MAX
+            )));
+        }
+        let heads =
+            if layout.direct || layout.ambient { 2 * parts * self.of.channels.count() as u64 } else { 1 };
+        self.endpoints.push(Endpoint {
             layout: *layout,
-            division,
             paths,
             base,
             records: records.clone(),
             parts: gpu.scratch("parts of paths", 16 * parts)?,
             heads: gpu.scratch("direct light of parts", 8 * heads)?,
             arenas: Vec::new(),
-        };
-        self.endpoints.push(endpoint);
+        });
         self.finished = 0;
         Ok(())
     }
 
     fn paths_from(&self, first_path: u64, most: u32) -> u32 {
-        self.current().division.paths_from(first_path, most)
+        self.current().base.paths_from(first_path, most)
     }
 
-    fn prepare(&mut self, gpu: &Gpu, of: &ResidentPaths) -> Result<()> {
-        let &Endpoint { division, layout, paths, base, .. } = self.current();
-        let first = division.part_of(of.first_path) as u32;
-        let parts = division.part_of(of.first_path + u64::from(of.paths)) as u32 - first;
-        let most_ends = layout.most_ends() as u64;
-        let most = u64::from(of.paths) * most_ends;
-        let has_room = |arena: &Arena| arena.terms + arena.in_flight.iter().sum::<u64>() + most <= arena.room;
+    fn submit(&mut self, of: &ResidentPaths, trace: &mut dyn FnMut(&mut CommandEncoder)) -> Result<()> {
+        let gpu = self.of.gpu;
+        let &Endpoint { layout, paths, base, .. } = self.current();
+        let first = base.part_of(of.first_path) as u32;
+        let parts = base.part_of(of.first_path + u64::from(of.paths)) as u32 - first;
+        let most_of = |paths: u64| paths * layout.most_ends() as u64;
+        let most = most_of(of.paths.into());
+        let arenas = self.current().arenas.len();
+        let in_flight = self.in_flight.iter().filter(|flight| flight.arena + 1 == arenas);
+        let reserved = in_flight.map(|flight| most_of(flight.paths.into())).sum::<u64>() + most;
+        let has_room = |arena: &Arena| arena.terms + reserved <= arena.room;
         if !self.current().arenas.last().is_some_and(has_room) {
-            let wanted = (paths - of.first_path) * most_ends;
-            let arena = self.arena(gpu, first, wanted.min(self.limits.arena).max(most).max(1))?;
-            let last = self.endpoints.len() - 1;
-            self.endpoints[last].arenas.push(arena);
+            let wanted = most_of(paths - of.first_path);
+            let arena = self.arena(first, wanted.min(self.of.limits.arena).max(most).max(1))?;
+            self.current_mut().arenas.push(arena);
         }
-        let last = self.endpoints.len() - 1;
-        let arenas = &mut self.endpoints[last].arenas;
+        let arenas = &mut self.current_mut().arenas;
         let index = arenas.len() - 1;
         let arena = &mut arenas[index];
-        let samples = u64::from(division.samples);
+        let samples = u64::from(base.samples);
         let parameters = Assembly {
             paths: of.paths,
             first_pixel: (of.first_path / samples) as u32,
@@ -272,48 +235,22 @@ impl Consumer for Parts {
         };
         arena.step.change(gpu, &parameters, parts)?;
         arena.parts.end = first + parts;
-        arena.in_flight.push_back(most);
-        let slot =
-            (0..self.slots.len()).find(|slot| self.in_flight.iter().all(|flight| flight.slot != *slot));
-        self.in_flight.push_back(InFlight {
-            arena: index,
-            slot: slot.unwrap_or(0),
-            paths: of.paths,
-            readback: None,
-        });
+        let read = gpu.buffer("terms of an arena", 4, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
+        let submission = gpu.submit("dispatch", |encoder| {
+            trace(encoder);
+            record(gpu, [&arena.step], encoder);
+            encoder.copy_buffer_to_buffer(&arena.top, 0, &read, 0, 4);
+        })?;
+        let top = Readback::request(&read, 4, submission);
+        self.in_flight.push_back(InFlight { arena: index, paths: of.paths, top });
         Ok(())
     }
 
-    fn record(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) {
-        if let Some(InFlight { arena, slot, .. }) = self.in_flight.back() {
-            let arena = &self.current().arenas[*arena];
-            Step::record(gpu, [&arena.step], encoder);
-            encoder.copy_buffer_to_buffer(&arena.top, 0, &self.slots[*slot], 0, 4);
-        }
-    }
-
-    fn submitted(&mut self, submission: &wgpu::SubmissionIndex) {
-        if let Some(in_flight) = self.in_flight.back_mut() {
-            let slot = Results::through(&self.slots[in_flight.slot]);
-            in_flight.readback = Some(slot.request(4, submission.clone()));
-        }
-    }
-
-    fn finished(&mut self, gpu: &Gpu) -> Result<()> {
-        let Some(InFlight { arena, slot, paths, readback: Some(readback) }) = self.in_flight.pop_front()
-        else {
-            return Ok(());
-        };
+    fn finish(&mut self) -> Result<()> {
+        let Some(InFlight { arena, paths, top }) = self.in_flight.pop_front() else { return Ok(()) };
         self.finished += u64::from(paths);
-        let slot = Results::through(&self.slots[slot]);
-        let view = slot.wait(gpu, readback)?;
-        let top = bytemuck::cast_slice::<u8, u32>(&view)[0];
-        drop(view);
-        slot.release();
-        let last = self.endpoints.len() - 1;
-        let arena = &mut self.endpoints[last].arenas[arena];
-        arena.terms = u64::from(top);
-        arena.in_flight.pop_front();
+        let top = bytemuck::cast_slice::<u8, u32>(&top.wait(self.of.gpu)?)[0];
+        self.current_mut().arenas[arena].terms = u64::from(top);
         let endpoint = self.current();
         // Each term of a coaxial rig goes to two rows.
         let expected = 2.0 * endpoint.terms() as f64 * endpoint.paths as f64 / self.finished.max(1) as f64;
@@ -331,7 +268,7 @@ mod tests {
     #[test]
     fn parts_follow_one_another_and_lie_within_halves() {
         for (samples, most_ends) in [(1, 5), (2, 5), (64, 5), (65, 5), (300, 5), (7, 128), (1000, 3)] {
-            let division = Division::new(samples, most_ends);
+            let division = Assembly::default().divided(samples, most_ends);
             let all = 3 * u64::from(division.parts_of_pixel);
             for part in 0..all {
                 let [first, end] = [part, part + 1].map(|part| division.first_path(part));

@@ -3,6 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use super::parts::Parts;
 use super::{Assembling, Limits};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
@@ -117,41 +118,24 @@ impl Known {
     pub(super) fn assembled(&self, gpu: &Gpu, limits: Limits) -> Result<[Assembled; 2]> {
         let (rig, of) = (self.rig, (self.layout.samples, self.split));
         let mut random = Pcg64::seed_from_u64(self.seed);
-        let all: Vec<(RecordLayout, Vec<[u32; 4]>)> = self
-            .layouts()
-            .into_iter()
-            .map(|(layout, pixels)| (layout, self.records(layout, pixels, &mut random)))
-            .collect();
+        let records = |(layout, pixels)| (layout, self.records(layout, pixels, &mut random));
+        let all: Vec<(RecordLayout, Vec<[u32; 4]>)> = self.layouts().into_iter().map(records).collect();
         let layouts: Vec<RecordLayout> = all.iter().map(|(layout, _)| *layout).collect();
         let assembly = Assembling::new(gpu, rig, self.channels, of, &layouts, limits)?;
-        let mut parts = assembly.parts()?;
+        let mut parts = Parts::new(&assembly)?;
         for (layout, records) in &all {
             let buffer = gpu.storage("known records", records)?;
             let paths = (records.len() / layout.stride()) as u32;
-            parts.begin(gpu, layout, u64::from(paths), &buffer)?;
-            parts.prepare(gpu, &ResidentPaths { first_path: 0, paths, mark: MARK })?;
-            let submission = gpu.guarded("self-test", || {
-                let mut encoder = gpu.encoder();
-                parts.record(gpu, &mut encoder);
-                gpu.queue.submit([encoder.finish()])
-            })?;
-            parts.submitted(&submission);
-            parts.finished(gpu)?;
+            parts.begin(layout, u64::from(paths), &buffer)?;
+            parts.submit(&ResidentPaths { first_path: 0, paths, mark: MARK }, &mut |_| ())?;
+            parts.finish()?;
         }
-        let made = assembly.finish(&parts)?;
-        let device = Assembled {
-            summary: TraceSummary { rays: made.rays, ..TraceSummary::default() },
-            ..made.assembled
-        };
+        let (device, _) = assembly.finish(&parts, TraceSummary::default())?;
         let batches: Vec<Batch<'_>> =
             all.iter().map(|(layout, records)| Batch::new(0, *layout, records)).collect();
         let host = match self.channels {
-            Channels::Luma => {
-                of_share(Share::<1>::of_batches(&batches, rig, of), rig, self.channels, self.split)
-            }
-            Channels::Rgb => {
-                of_share(Share::<3>::of_batches(&batches, rig, of), rig, self.channels, self.split)
-            }
+            Channels::Luma => of_share(Share::<1>::of_batches(&batches, rig, of), rig, self.channels, of.1),
+            Channels::Rgb => of_share(Share::<3>::of_batches(&batches, rig, of), rig, self.channels, of.1),
         };
         Ok([device, host?])
     }
@@ -183,8 +167,7 @@ pub(super) fn difference(device: &Assembled, host: &Assembled) -> Result<Option<
             return Ok(Some(format!("weights of {bounces:?}")));
         }
     }
-    let planes = |of: &Assembled| of.matrix.direct.clone();
-    if planes(device).iter().zip(&planes(host)).any(|(a, b)| !all_near(a, b)) {
+    if device.matrix.direct.iter().zip(&host.matrix.direct).any(|(a, b)| !all_near(a, b)) {
         return Ok(Some("direct light".into()));
     }
     if !all_near(device.ambient.samples(), host.ambient.samples()) {

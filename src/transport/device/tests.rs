@@ -6,16 +6,16 @@ use super::self_test::{Known, difference};
 use super::*;
 use crate::image::Resolution;
 use crate::scene::{Scene, builtin};
-use crate::transport::gpu_matrix::tests::gpu;
+use crate::transport::tests::apart;
 use crate::transport::{Part, assemble_layers};
 
 fn limits(channels: Channels) -> Limits {
-    Limits::of(&gpu(), channels.count())
+    Limits::of(&Gpu::for_tests(), channels.count())
 }
 
 /// The difference between the device's matrix of known records and the host's.
 fn compared(known: &Known, limits: Limits) -> Option<String> {
-    let [device, host] = known.assembled(&gpu(), limits).expect("the device has memory");
+    let [device, host] = known.assembled(&Gpu::for_tests(), limits).expect("the device has memory");
     difference(&device, &host).expect("the device works")
 }
 
@@ -26,7 +26,7 @@ fn the_self_test_passes() {
         assert_eq!(compared(&Known::with_long_rows(channels), limits(channels)), None);
         let apart = Known::new(channels).with_projector(Resolution::new(5, 11));
         assert_eq!(compared(&apart, limits(channels)), None);
-        assert!(self_test::require_working(&gpu(), channels).is_ok());
+        assert!(self_test::require_working(&Gpu::for_tests(), channels).is_ok());
     }
 }
 
@@ -56,7 +56,7 @@ fn the_self_test_finds_faults() {
     ];
     for (name, fault) in faults {
         let [mut device, host] =
-            known.assembled(&gpu(), limits(Channels::Luma)).expect("the device has memory");
+            known.assembled(&Gpu::for_tests(), limits(Channels::Luma)).expect("the device has memory");
         fault(&mut device);
         let found = difference(&device, &host).expect("the device works");
         assert!(found.as_ref().is_some_and(|found| found.contains(name)), "{name}: {found:?}");
@@ -97,13 +97,6 @@ fn traced(scene: &Scene, on_device: bool, settings: &TraceSettings, of: (Channel
     assemble_layers(&mut tracer(scene, on_device), settings, of.0, of.1).expect("the scene can be traced")
 }
 
-/// A projector beside the camera, with other pixels.
-fn apart(scene: Scene) -> Scene {
-    let mut projector = scene.camera.clone();
-    projector.position += 0.2 * projector.right;
-    Scene { projector: Some(projector), ..scene }
-}
-
 /// All kinds of rigs and of light: each matrix equals the host's up to rounding, repeats to the bit, and is symmetric to the last bit.
 #[test]
 fn a_scene_has_the_matrix_of_the_host() {
@@ -115,6 +108,8 @@ fn a_scene_has_the_matrix_of_the_host() {
     let settings = TraceSettings::new(Resolution::new(20, 16), 24);
     let wide = TraceSettings { projector: Some(Resolution::new(9, 31)), ..settings };
     let many = TraceSettings { samples: 501, resolution: Resolution::new(9, 8), ..settings };
+    let one = TraceSettings { samples: 1, ..settings };
+    let direct = TraceSettings { max_bounces: 1, ..settings };
     let (luma, rgb) = (Channels::Luma, Channels::Rgb);
     let cases = [
         ("colours, layers", builtin::cornell().to_scene(), settings, (rgb, true)),
@@ -123,21 +118,11 @@ fn a_scene_has_the_matrix_of_the_host() {
         ("a mirrored ball", builtin::mirror_ball().to_scene(), settings, (rgb, false)),
         ("a lens", lens, settings, (luma, true)),
         ("ambient light", glowing, settings, (rgb, false)),
-        ("a projector apart", apart(builtin::carton().to_scene()), settings, (rgb, true)),
-        ("other pixels", apart(builtin::mirror().to_scene()), wide, (luma, false)),
+        ("a projector apart", apart(builtin::carton().to_scene(), 0.2), settings, (rgb, true)),
+        ("other pixels", apart(builtin::mirror().to_scene(), 0.2), wide, (luma, false)),
         ("many samples", builtin::cornell().to_scene(), many, (luma, false)),
-        (
-            "one sample",
-            builtin::cornell().to_scene(),
-            TraceSettings { samples: 1, ..settings },
-            (luma, false),
-        ),
-        (
-            "direct light",
-            builtin::corner().to_scene(),
-            TraceSettings { max_bounces: 1, ..settings },
-            (luma, false),
-        ),
+        ("one sample", builtin::cornell().to_scene(), one, (luma, false)),
+        ("direct light", builtin::corner().to_scene(), direct, (luma, false)),
     ];
     for (name, scene, settings, of) in cases {
         let host = traced(&scene, false, &settings, of);
@@ -193,9 +178,9 @@ fn the_matrix_of_a_coaxial_rig_is_symmetric_to_the_last_bit() {
 /// Where the device cannot assemble the matrix, the host does, and says why.
 #[test]
 fn the_host_assembles_what_the_device_cannot() {
-    let mut gpu = gpu();
+    let mut gpu = Gpu::for_tests();
     gpu.summary.double_precision = false;
-    let error = require_double_precision(&gpu).expect_err("it cannot calculate in f64").to_string();
+    let error = gpu.require_double_precision("sums").expect_err("it cannot calculate in f64").to_string();
     assert!(error.contains("f64"), "{error}");
     // So many samples take more parts than a buffer holds.
     gpu.summary.max_storage_binding = 1000;

@@ -2,12 +2,10 @@
 
 use std::ops::Range;
 
-use wgpu::BufferUsages;
-
 use super::layer::Band;
 use crate::error::Result;
-use crate::gpu::pipeline::{READ, UNIFORM, WRITE, grid};
-use crate::gpu::{Gpu, shader};
+use crate::gpu::Gpu;
+use crate::gpu::pipeline::{self, READ, Step, WRITE};
 
 #[derive(Clone, Copy)]
 pub(in crate::transport) struct Limits {
@@ -22,7 +20,7 @@ const ON_GPU: Limits = Limits { entries: 1 << 27, rows: 1 << 24 };
 pub(super) const ON_PROCESSOR: Limits = Limits { entries: 1 << 22, rows: 1 << 15 };
 
 impl Limits {
-    pub(super) fn of(gpu: &Gpu) -> Self {
+    pub(in crate::transport) fn of(gpu: &Gpu) -> Self {
         let Self { entries, rows } = if gpu.summary.is_processor() { ON_PROCESSOR } else { ON_GPU };
         let room = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer) / 4;
         Self { entries: entries.min(usize::try_from(room).unwrap_or(usize::MAX)), rows }
@@ -69,27 +67,18 @@ pub(super) struct Terms {
 
 #[derive(Clone)]
 pub(super) struct Kernel {
-    pipeline: wgpu::ComputePipeline,
-    layout: wgpu::BindGroupLayout,
+    kernel: pipeline::Kernel,
     /// A placeholder for buffers that a dispatch does not read.
     nothing: wgpu::Buffer,
 }
 
-pub(super) struct Step {
-    group: wgpu::BindGroup,
-    workgroups: [u32; 2],
-}
-
 impl Kernel {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
-        let source = shader::compose("product")?;
-        let nothing = gpu.storage("nothing", &[0.0_f32])?;
-        gpu.guarded("product", || {
-            let layout = gpu.layout("product", &[UNIFORM, READ, READ, READ, READ, READ, WRITE]);
-            let source = wgpu::ShaderSource::Wgsl(source.into());
-            let [pipeline] = gpu.pipelines("product", source, &[&layout], ["product"]);
-            Self { pipeline, layout, nothing }
-        })
+        let buffers = [READ, READ, READ, READ, READ, WRITE];
+        let [kernel] = pipeline::Kernel::all(gpu, "product", ["product"], &[], &buffers, |source| {
+            gpu.module("product", source)
+        })?;
+        Ok(Self { kernel, nothing: gpu.storage("nothing", &[0.0_f32])? })
     }
 
     /// The dispatch that writes the sums of these rows to the photo. A sum adds the products of a band's entries in one channel, if `band`
@@ -102,31 +91,15 @@ impl Kernel {
         terms: Terms,
         [diagonal, from, to]: [&wgpu::Buffer; 3],
     ) -> Result<Step> {
-        let (of_band, entries) = match band {
+        let ([starts, columns, weights], entries) = match band {
             Some((band, channel)) => ([&band.starts, &band.columns, &band.weights[channel]], HAS_ENTRIES),
             None => ([&self.nothing; 3], 0),
         };
-        let terms = entries | bits(terms);
-        let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let parameters = gpu.buffer("band", size_of::<Parameters>() as u64, uniform)?;
         let count = rows.end - rows.start;
-        let values = Parameters { first_row: rows.start, rows: count, terms, padding: 0 };
-        let [starts, columns, weights] = of_band;
-        let buffers = [&parameters, starts, columns, weights, diagonal, from, to];
-        let group = gpu.guarded("bindings", || {
-            gpu.queue.write_buffer(&parameters, 0, bytemuck::bytes_of(&values));
-            gpu.bind("product", &self.layout, buffers.map(wgpu::Buffer::as_entire_binding))
-        })?;
-        Ok(Step { group, workgroups: grid(count.div_ceil(ROWS_OF_GROUP)) })
-    }
-
-    pub(super) fn encode(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, steps: &[Step]) {
-        let mut pass = gpu.pass(encoder, "products");
-        pass.set_pipeline(&self.pipeline);
-        for Step { group, workgroups: [across, down] } in steps {
-            pass.set_bind_group(0, group, &[]);
-            pass.dispatch_workgroups(*across, *down, 1);
-        }
+        let terms = entries | bits(terms);
+        let parameters = Parameters { first_row: rows.start, rows: count, terms, padding: 0 };
+        let buffers = [starts, columns, weights, diagonal, from, to];
+        self.kernel.step(gpu, &parameters, &buffers, count.div_ceil(ROWS_OF_GROUP))
     }
 }
 
@@ -137,12 +110,11 @@ fn bits(terms: Terms) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::layout::{assert_constant, assert_layout, offsets};
+    use crate::gpu::layout::{assert_constant, assert_layout};
 
     #[test]
     fn bands_lie_as_the_shader_reads_them() {
-        let members = offsets!(Parameters: first_row, rows, terms, padding);
-        assert_layout("product", "Band", members, size_of::<Parameters>());
+        assert_layout!("product", "Band", Parameters: first_row, rows, terms, padding);
         assert_constant("product", "ROWS_OF_GROUP", ROWS_OF_GROUP);
         let (diagonal, adds) = (Terms { diagonal: true, adds: false }, Terms { diagonal: false, adds: true });
         assert_constant("product", "HAS_ENTRIES", HAS_ENTRIES);
@@ -163,7 +135,7 @@ mod tests {
 
     #[test]
     fn buffers_of_a_device_limit_the_entries_of_a_band() {
-        let gpu = super::super::tests::gpu();
+        let gpu = Gpu::for_tests();
         let limits = |kind: &str, max_buffer, max_storage_binding| {
             let mut gpu = gpu.clone();
             (gpu.summary.kind, gpu.summary.max_buffer) = (kind.into(), max_buffer);

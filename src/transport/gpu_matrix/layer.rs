@@ -6,6 +6,7 @@ use std::ops::Range;
 use super::kernel::{Limits, cut};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
+use crate::transport::tiles::Tiles;
 use crate::transport::{Bounces, CompressedRows};
 
 /// The maximum number of entries of a row. 32 lanes share a row, and software Vulkan leaves a loop after 65,535 iterations without an
@@ -88,17 +89,13 @@ impl DeviceLayer {
         Ok(layer)
     }
 
-    pub(in crate::transport) fn columns(&self) -> usize {
-        self.shape[1]
-    }
-
     /// The size in the device's memory in bytes.
     pub(in crate::transport) fn bytes(&self) -> usize {
         4 * (self.entries * (1 + self.channels) + self.shape[0] + self.bands.len())
     }
 
-    /// Reads the rows of a layer that the device has made, a piece for each band.
-    pub(in crate::transport) fn fetch(&self) -> Result<Vec<CompressedRows>> {
+    /// Reads the entries of a layer that the device has made.
+    pub(in crate::transport) fn tiles(&self) -> Result<Tiles> {
         let piece = |band: &Band| {
             let starts = self.gpu.read::<u32>(&band.starts, band.rows.len() + 1)?;
             let row_start: Vec<usize> = starts.into_iter().map(|start| start as usize).collect();
@@ -107,7 +104,7 @@ impl DeviceLayer {
             let weights = band.weights.iter().map(|plane| self.gpu.read::<f32>(plane, entries));
             Ok(CompressedRows { row_start, columns, weights: weights.collect::<Result<_>>()? })
         };
-        self.bands.iter().map(piece).collect()
+        Ok(Tiles::new(self.shape[1], self.bands.iter().map(piece).collect::<Result<_>>()?))
     }
 }
 
@@ -118,7 +115,7 @@ mod tests {
 
     #[test]
     fn a_row_has_as_many_entries_as_a_device_can_sum() {
-        let gpu = super::super::tests::gpu();
+        let gpu = Gpu::for_tests();
         let upload = |entries: usize| {
             let columns = (0..entries as u32).collect();
             let rows =

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use wgpu::BufferUsages;
 
-use self::kernel::{Kernel, Step, Terms};
+use self::kernel::{Kernel, Terms};
 pub(super) use self::kernel::{Limits, cut};
 pub(super) use self::layer::{Band, DeviceLayer};
 use super::layer::Layer;
@@ -19,6 +19,7 @@ use super::{Part, RigShape, TransportMatrix};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::gpu::buffers::Results;
+use crate::gpu::pipeline::Step;
 use crate::operator::Direction;
 use crate::render::Tracer;
 
@@ -42,7 +43,6 @@ pub struct GpuMatrix {
 }
 
 /// The transpose and the dispatches, which are made at first use. A product locks them, because all products use the same vector buffers.
-#[derive(Default)]
 struct State {
     transposed: Option<Vec<Arc<DeviceLayer>>>,
     products: Vec<(Product, Vec<Step>)>,
@@ -69,9 +69,10 @@ impl GpuMatrix {
             Some(resident) => Ok(Arc::clone(resident)),
             None => DeviceLayer::upload(gpu, layer.bounces(), &layer.to_rows(), limits).map(Arc::new),
         };
-        require_double_precision(gpu)?;
+        let on_processor = "take the products on the processor: --products cpu";
+        gpu.require_double_precision("products").map_err(|error| error.help(on_processor))?;
         let layers = matrix.layers.iter().map(layer).collect::<Result<_>>()?;
-        Self::with(gpu, matrix, layers, State::default(), limits)
+        Self::of_layers(gpu, matrix, layers, None, limits)
     }
 
     /// A matrix whose layers are on the device already. `transposed` has the layers of the transpose, if the rig is not coaxial.
@@ -80,16 +81,6 @@ impl GpuMatrix {
         matrix: &TransportMatrix,
         layers: Vec<Arc<DeviceLayer>>,
         transposed: Option<Vec<Arc<DeviceLayer>>>,
-    ) -> Result<Self> {
-        let state = State { transposed, products: Vec::new() };
-        Self::with(gpu, matrix, layers, state, Limits::of(gpu))
-    }
-
-    fn with(
-        gpu: &Gpu,
-        matrix: &TransportMatrix,
-        layers: Vec<Arc<DeviceLayer>>,
-        state: State,
         limits: Limits,
     ) -> Result<Self> {
         let kernel = gpu.kept("product", || Kernel::new(gpu))?;
@@ -100,7 +91,7 @@ impl GpuMatrix {
         let diagonals = matrix.direct.iter().map(|plane| gpu.storage("matrix's diagonal", plane));
         let diagonals = diagonals.collect::<Result<_>>()?;
         let has_diagonal = matrix.direct.iter().all(|plane| plane.len() == rig.camera.pixels());
-        let (state, gpu) = (Mutex::new(state), gpu.clone());
+        let (state, gpu) = (Mutex::new(State { transposed, products: Vec::new() }), gpu.clone());
         Ok(Self { gpu, kernel, rig, layers, diagonals, has_diagonal, limits, from, to, state })
     }
 
@@ -195,28 +186,13 @@ impl GpuMatrix {
         }
         let gpu = &self.gpu;
         let steps = self.steps(state, product)?;
-        let (pattern, photo) = (&self.from, &self.to);
-        let bytes = size_of_val(to) as u64;
-        let submission = gpu.guarded("product", || {
-            gpu.queue.write_buffer(pattern, 0, bytemuck::cast_slice(from));
-            let mut encoder = gpu.encoder();
-            self.kernel.encode(gpu, &mut encoder, steps);
-            photo.submit(gpu, encoder, bytes)
+        let photo = self.to.launch(gpu, "product", size_of_val(to) as u64, |encoder| {
+            gpu.queue.write_buffer(&self.from, 0, bytemuck::cast_slice(from));
+            Step::record(gpu, "products", steps, encoder);
         })?;
-        let view = photo.wait(gpu, photo.request(bytes, submission))?;
-        to.copy_from_slice(bytemuck::cast_slice(&view));
-        drop(view);
-        photo.release();
+        to.copy_from_slice(bytemuck::cast_slice(&photo.wait(gpu)?));
         Ok(())
     }
-}
-
-fn require_double_precision(gpu: &Gpu) -> Result<()> {
-    if gpu.summary.double_precision {
-        return Ok(());
-    }
-    Err(Error::device(format!("{} cannot calculate in f64, which products need", gpu.summary.name))
-        .help("take the products on the processor: --products cpu"))
 }
 
 /// Measurements for the benchmarks: products without transfers to or from the host, and plain copies for comparison.
@@ -245,7 +221,7 @@ impl GpuMatrix {
         let product = Product { part: Part::Full, channel: 0, direction: Direction::Forward };
         let steps = self.steps(&mut state, product)?;
         self.time("products", |encoder| {
-            (0..count).for_each(|_| self.kernel.encode(&self.gpu, encoder, steps));
+            (0..count).for_each(|_| Step::record(&self.gpu, "products", steps, encoder));
         })
     }
 
@@ -264,14 +240,9 @@ impl GpuMatrix {
     }
 
     fn time(&self, what: &str, work: impl FnOnce(&mut wgpu::CommandEncoder)) -> Result<Duration> {
-        let gpu = &self.gpu;
         let start = Instant::now();
-        let submission = gpu.guarded(what, || {
-            let mut encoder = gpu.encoder();
-            work(&mut encoder);
-            gpu.queue.submit([encoder.finish()])
-        })?;
-        gpu.wait(Some(submission))?;
+        let submission = self.gpu.submit(what, work)?;
+        self.gpu.wait(Some(submission))?;
         Ok(start.elapsed())
     }
 }

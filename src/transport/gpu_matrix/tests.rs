@@ -8,11 +8,6 @@ use crate::image::{Image, Resolution};
 use crate::render::TraceSummary;
 use crate::transport::{Assembled, Bounces, Channels, CompressedRows};
 
-pub(in crate::transport) fn gpu() -> Gpu {
-    Gpu::open(None, 0)
-        .unwrap_or_else(|error| unreachable!("the README's test command installs a driver: {error}"))
-}
-
 /// Rows in three channels with `per_row` entries on average. Some are empty, and some are very long.
 fn rows(random: &mut Pcg64, [rows, cols]: [usize; 2], per_row: usize) -> CompressedRows {
     let mut made = CompressedRows { row_start: vec![0], columns: Vec::new(), weights: vec![Vec::new(); 3] };
@@ -31,28 +26,16 @@ fn rows(random: &mut Pcg64, [rows, cols]: [usize; 2], per_row: usize) -> Compres
     made
 }
 
-/// `(R + Rᵀ)/2` entry by entry, which is symmetric to the last bit.
-fn symmetric(random: &mut Pcg64, pixels: usize, per_row: usize) -> CompressedRows {
+/// The rows of a symmetric matrix above its diagonal.
+fn upper(random: &mut Pcg64, pixels: usize, per_row: usize) -> CompressedRows {
     let half = rows(random, [pixels; 2], per_row / 2);
-    let mut entries = Vec::new();
+    let mut made = CompressedRows::with_room(3, pixels, 0);
     for row in 0..pixels {
-        for entry in half.row_start[row]..half.row_start[row + 1] {
-            let column = half.columns[entry] as usize;
-            let weights = [0, 1, 2].map(|channel| half.weights[channel][entry]);
-            if column > row {
-                entries.extend([(row, column, weights), (column, row, weights)]);
-            }
-        }
+        let entries = half.row(row);
+        let below = half.columns[entries.clone()].partition_point(|&column| column as usize <= row);
+        made.extend(&half, entries.start + below..entries.end);
+        made.end_row();
     }
-    entries.sort_by_key(|&(row, column, _)| (row, column));
-    let mut made = CompressedRows { row_start: vec![0; pixels + 1], ..CompressedRows::default() };
-    made.weights = vec![Vec::new(); 3];
-    for (row, column, weights) in entries {
-        made.row_start[row + 1] += 1;
-        made.columns.push(column as u32);
-        made.weights.iter_mut().zip(weights).for_each(|(plane, weight)| plane.push(weight));
-    }
-    (0..pixels).for_each(|row| made.row_start[row + 1] += made.row_start[row]);
     made
 }
 
@@ -62,7 +45,7 @@ pub(in crate::transport) fn coaxial() -> Assembled {
     let resolution = Resolution::new(37, 29);
     let pixels = resolution.pixels();
     let layers = [(Bounces::Two, 60), (Bounces::Rest, 20)]
-        .map(|(bounces, per_row)| Layer::new(bounces, pixels, vec![symmetric(random, pixels, per_row)]));
+        .map(|(bounces, per_row)| Layer::symmetric(bounces, vec![upper(random, pixels, per_row)]));
     let plane = |_| (0..pixels).map(|_| random.random_range(0.0..9.0)).collect();
     let rig = RigShape { camera: resolution, projector: resolution, symmetric: true };
     let matrix = TransportMatrix::new(rig, Channels::Rgb, [0, 1, 2].map(plane).into(), layers.into());
@@ -130,7 +113,7 @@ const PARTS: [Part; 3] = [Part::Full, Part::Direct, Part::Global];
 
 #[test]
 fn products_agree_with_the_processor_to_rounding_for_any_bands() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     // A discrete GPU has separate memory that the host cannot read.
     let far = Gpu { shares_memory: false, ..gpu.clone() };
     for matrix in [coaxial().matrix, apart()] {
@@ -164,7 +147,8 @@ fn products_agree_with_the_processor_to_rounding_for_any_bands() {
 #[test]
 fn vectors_that_do_not_fit_are_refused() {
     let matrix = apart();
-    let gpu_matrix = GpuMatrix::on(&gpu(), &matrix).unwrap_or_else(|error| unreachable!("{error}"));
+    let gpu_matrix =
+        GpuMatrix::on(&Gpu::for_tests(), &matrix).unwrap_or_else(|error| unreachable!("{error}"));
     let [rows, cols] = [matrix.rig.camera.pixels(), matrix.rig.projector.pixels()];
     let apply = |x: usize, y: usize| gpu_matrix.apply(Part::Full, 0, &vec![1.0; x], &mut vec![0.0; y]);
     assert!(apply(cols, rows).is_ok() && apply(rows, cols).is_err() && apply(cols, rows - 1).is_err());
@@ -172,7 +156,7 @@ fn vectors_that_do_not_fit_are_refused() {
 
 #[test]
 fn figures_of_the_device_are_those_of_the_matrix() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     for matrix in [coaxial().matrix, apart()] {
         let on_device = GpuMatrix::within(&gpu, &matrix, Limits { entries: 7000, rows: 400 });
         let on_device = on_device.unwrap_or_else(|error| unreachable!("{error}"));
@@ -192,7 +176,7 @@ fn figures_of_the_device_are_those_of_the_matrix() {
 
 #[test]
 fn only_a_rig_apart_has_its_transpose_on_the_device() {
-    let gpu = gpu();
+    let gpu = Gpu::for_tests();
     for matrix in [coaxial().matrix, apart()] {
         let on_device = GpuMatrix::on(&gpu, &matrix).unwrap_or_else(|error| unreachable!("{error}"));
         both(&matrix, &on_device, (Part::Global, 0));

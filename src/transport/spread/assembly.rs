@@ -17,7 +17,7 @@ use crate::transport::layer::{Bounces, Layer};
 use crate::transport::noise::{EntrySquares, Estimates, Noise, relative};
 use crate::transport::scaling::pilot;
 use crate::transport::wire::{self, unread};
-use crate::transport::{Channels, RigShape, TransportMatrix, from_planes};
+use crate::transport::{Channels, RigShape, TransportMatrix};
 
 /// The leader's messages after the trace. With `GO_ON`, the processes continue. With `STOP`, they drop their contributions.
 const GO_ON: u8 = 1;
@@ -257,7 +257,7 @@ fn planes<const C: usize>(direct: &[Estimates<C>]) -> Vec<Vec<f32>> {
 fn image<const C: usize>(resolution: Resolution, value: impl Fn(usize, usize) -> f64) -> Result<Image> {
     let plane = |channel| (0..resolution.pixels()).map(|pixel| value(pixel, channel)).collect();
     let planes: Vec<Vec<f64>> = (0..C).map(plane).collect();
-    from_planes(resolution, &planes)
+    Image::from_planes(resolution, &planes)
 }
 
 /// Divides the pixels among `processes` processes. To estimate the work, one light path is traced from each of at most 64×64 pixels, and
@@ -332,11 +332,8 @@ mod tests {
     /// The work of each process, measured in rays, differs from an equal share by at most one row of pixels at either end.
     #[test]
     fn the_rays_of_a_scene_are_shared_out_evenly() {
-        let scene = crate::scene::builtin::corner().to_scene();
-        let mut projector = scene.camera.clone();
-        projector.position += 0.2 * projector.right;
+        let mut scene = crate::transport::tests::apart(crate::scene::builtin::corner().to_scene(), 0.2);
         // The upper part of the picture does not show the scene, so its pixels need fewer rays.
-        let mut scene = crate::scene::Scene { projector: Some(projector), ..scene };
         scene.camera.position += 0.6 * scene.camera.up;
         let mut tracer =
             Tracer::new(&scene, None).expect("the README's test command installs a Vulkan driver");

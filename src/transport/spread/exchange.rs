@@ -99,6 +99,7 @@ pub(in crate::transport) fn steps(comm: &dyn Comm, rig: RigShape, pixels: &[Star
 }
 
 /// The layers of the matrix that one process holds, with the sums from which the noise is computed.
+#[derive(Debug, PartialEq)]
 pub(in crate::transport) struct Combined<const C: usize> {
     /// One layer for each class of bounces. The first layer has one bounce.
     pub(in crate::transport) layers: Vec<Tiles>,

@@ -231,12 +231,8 @@ pub struct SceneWorker {
     /// The number of this process among the processes on the same machine. It selects one of several equal adapters.
     turn: usize,
     scenes: HashMap<u64, Tracer>,
-    matrices: HashMap<u64, Rows>,
-}
-
-struct Rows {
-    matrix: TransportMatrix,
-    pixels: Vec<StartPixels>,
+    /// The rows of each matrix, with the pixels of each process.
+    matrices: HashMap<u64, (TransportMatrix, Vec<StartPixels>)>,
 }
 
 impl SceneWorker {
@@ -273,13 +269,13 @@ impl SceneWorker {
             }
             Command::Assemble { scene, settings, channels, split, pixels } => {
                 if let Some(matrix) = self.assemble(scene, &settings, (channels, split), &pixels) {
-                    self.matrices.insert(id, Rows { matrix, pixels });
+                    self.matrices.insert(id, (matrix, pixels));
                 }
                 return;
             }
             _ => {}
         }
-        let Some(Rows { matrix, pixels }) = self.matrices.get(&id) else { return };
+        let Some((matrix, pixels)) = self.matrices.get(&id) else { return };
         match command {
             Command::Multiply { product, interleaved } => {
                 let own = own_rows(matrix, product, &pixels[comm.rank()]);

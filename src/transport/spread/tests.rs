@@ -9,6 +9,7 @@ use crate::operator::{Adjoint, Operator};
 use crate::scene::builtin;
 use crate::sparse::Csr;
 use crate::team::threads;
+use crate::transport::tests::{apart, on_threads};
 use crate::transport::tiles::groups;
 use crate::transport::{
     Assembled, Backend, EstimatedOperator, MatrixOperator, Part, Retraced, RigShape, Transport,
@@ -22,8 +23,7 @@ struct Crew {
 
 /// Limits `compute`, which a member of a team calls, to one thread, so that even a small matrix has several steps on every machine.
 fn with_one_thread<T: Send>(compute: impl FnOnce() -> T + Send) -> T {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-    pool.unwrap_or_else(|error| unreachable!("{error}")).install(compute)
+    on_threads(1, compute)
 }
 
 impl Crew {
@@ -66,17 +66,11 @@ struct Case {
 /// A coaxial rig in colour; a scene with mirrors, whose paths are gathered; and a projector of another size beside the camera.
 fn cases() -> Vec<Case> {
     let settings = TraceSettings::new(Resolution::new(13, 11), 6);
-    let mut apart = builtin::corner().to_scene();
-    apart.projector = Some({
-        let mut projector = apart.camera.clone();
-        projector.position += 0.2 * projector.right;
-        projector
-    });
     vec![
         Case { scene: builtin::cornell().to_scene(), settings, channels: Channels::Rgb },
         Case { scene: builtin::mirror().to_scene(), settings, channels: Channels::Luma },
         Case {
-            scene: apart,
+            scene: apart(builtin::corner().to_scene(), 0.2),
             settings: TraceSettings { projector: Some(Resolution::new(9, 14)), ..settings },
             channels: Channels::Luma,
         },
@@ -252,7 +246,7 @@ fn rows_that_the_leader_has_dropped_are_not_kept() {
     let rig = RigShape { camera: size, projector: size, symmetric: true };
     for id in [3, 4] {
         let matrix = TransportMatrix::new(rig, Channels::Luma, vec![vec![1.0]], Vec::new());
-        worker.matrices.insert(id, Rows { matrix, pixels: Vec::new() });
+        worker.matrices.insert(id, (matrix, Vec::new()));
     }
     worker.release(3);
     assert_eq!(worker.matrices.keys().collect::<Vec<_>>(), [&4]);

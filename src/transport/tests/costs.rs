@@ -7,18 +7,15 @@ use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, builtin};
 use crate::transport::contributions::Share;
 use crate::transport::scaling::{connections, pilot};
+use crate::transport::tests::apart;
 use crate::transport::{Channels, Probe, assemble, photo_bytes, predict};
 
-fn tracer() -> Tracer {
-    Tracer::new(&builtin::cornell().to_scene(), None)
-        .expect("the README's test command installs a Vulkan driver")
+fn tracer_of(scene: &Scene) -> Tracer {
+    Tracer::new(scene, None).expect("the README's test command installs a Vulkan driver")
 }
 
-fn tracer_apart() -> Tracer {
-    let scene = builtin::cornell().to_scene();
-    let mut projector = scene.camera.clone();
-    projector.position += 0.1 * projector.right;
-    Tracer::new(&Scene { projector: Some(projector), ..scene }, None).expect("as above")
+fn tracer() -> Tracer {
+    tracer_of(&builtin::cornell().to_scene())
 }
 
 #[test]
@@ -67,7 +64,11 @@ fn memory_is_predicted_from_a_pilot_where_it_could_be_too_much() {
 fn a_probe_measures_a_small_matrix_of_the_scene() {
     for (mut tracer, projector, small) in [
         (tracer(), None, None),
-        (tracer_apart(), Some(Resolution::new(100, 200)), Some(Resolution::new(64, 128))),
+        (
+            tracer_of(&apart(builtin::cornell().to_scene(), 0.1)),
+            Some(Resolution::new(100, 200)),
+            Some(Resolution::new(64, 128)),
+        ),
     ] {
         let settings = TraceSettings { projector, ..TraceSettings::new(Resolution::new(256, 60), 3) };
         let start = Instant::now();

@@ -57,6 +57,20 @@ fn squares_of_a_product_are_those_of_its_differences_errors_and_values() {
 }
 
 #[test]
+fn the_noise_of_independent_light_is_no_error_of_the_answer() {
+    // The noise alone explains differences of 0.3 and 0.4, but not of 3 and 4.
+    let independent = product(&[10.3, 9.6], &[0.3, 0.4]);
+    let exact = independent.squares(&[10.0, 10.0]).relative();
+    assert!(exact.is_some_and(|[error, _]| error < 1e-7), "{exact:?}");
+    let wrong = independent.squares(&[7.3, 5.6]).relative();
+    let size = 10.3_f64.powi(2) + 9.6_f64.powi(2) - 0.25;
+    let expected = ((25.0 - 0.25) / size).sqrt();
+    assert!(wrong.is_some_and(|[error, _]| (error - expected).abs() < 1e-12));
+    let nothing = product(&[0.1, -0.1], &[0.2, 0.2]);
+    assert_eq!(nothing.squares(&[0.0, 0.0]).relative(), None);
+}
+
+#[test]
 fn signs_count_the_pixels_that_are_farther_than_a_draw_of_the_noise() {
     // The sum of the photo's squared errors is 21. The prediction has as much noise, and errors of the norm 3 are allowed. The draw at a
     // pixel with the error `e` has the square `(2 + 9/21) e² + 9/6`. The difference at a pixel of error 1 is therefore larger from 1.982
@@ -91,19 +105,9 @@ fn a_check_has_fewer_samples_for_more_pixels_and_enough_to_tell_its_noise() {
         assert_eq!(TraceSettings { samples, ..fewer }, settings, "nothing else differs");
         fewer.samples
     };
-    let of = [
-        (1, 64),
-        (16, 64),
-        (24, 64),
-        (32, 64),
-        (64, 64),
-        (128, 64),
-        (128, 16),
-        (1024, 64),
-        (128, 3),
-        (128, 1),
-    ];
+    let sizes = [1, 16, 24, 32, 64, 128, 128, 1024, 128, 128];
+    let given = [64, 64, 64, 64, 64, 64, 16, 64, 3, 1];
     let expected = [64, 64, 64, 64, 64, 32, 8, 4, 3, 1];
-    assert_eq!(of.map(|(size, count)| samples(size, count, None)), expected);
+    assert_eq!([0, 1, 2, 3, 4, 5, 6, 7, 8, 9].map(|at| samples(sizes[at], given[at], None)), expected);
     assert_eq!(samples(128, 64, Some(Resolution::new(64, 64))), 64, "a projector with pixels of its own");
 }

@@ -143,8 +143,7 @@ fn pieces(rows: usize, cols: usize) -> Vec<CompressedRows> {
 
 /// The maximum number of rows that become tiles at the same time, relative to all rows.
 fn group(threads: usize) -> f64 {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be started");
-    let longest = pool.install(|| groups(PIXELS).iter().map(Range::len).max());
+    let longest = super::on_threads(threads, || groups(PIXELS).iter().map(Range::len).max());
     longest.unwrap_or(0) as f64 / PIXELS as f64
 }
 

@@ -258,16 +258,15 @@ impl Window {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::transport::tests::on_threads;
 
     /// Groups consist of whole bands. A group has a sixteenth of the rows, or more if it would otherwise have fewer windows than there are
     /// threads.
     #[test]
     fn groups_are_whole_bands_with_work_for_every_thread() {
         for threads in [1, 2, 3, 8] {
-            let pool =
-                rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be started");
             for rows in [1, 300, 5000, 40_000, 262_144, 1 << 20] {
-                let (groups, shape) = pool.install(|| (groups(rows), Shape::new(rows, 1, 1, threads)));
+                let (groups, shape) = on_threads(threads, || (groups(rows), Shape::new(rows, 1, 1, threads)));
                 let all: Vec<usize> = groups.iter().flat_map(Clone::clone).collect();
                 assert_eq!(all, (0..rows).collect::<Vec<_>>(), "every row is in one group, in order");
                 let longest = groups[0].len();

@@ -65,33 +65,25 @@ pub(in crate::transport) trait Summable: Value {
     fn sums() -> Sums<Self>;
 }
 
-impl Summable for f64 {
-    fn special() -> Vec<Kernel<Self>> {
-        #[cfg(target_arch = "x86_64")]
-        return super::gather::of_one();
-        #[cfg(not(target_arch = "x86_64"))]
-        Vec::new()
-    }
+macro_rules! summable {
+    ($value:ty, $special:ident) => {
+        impl Summable for $value {
+            fn special() -> Vec<Kernel<Self>> {
+                #[cfg(target_arch = "x86_64")]
+                return super::gather::$special();
+                #[cfg(not(target_arch = "x86_64"))]
+                Vec::new()
+            }
 
-    fn sums() -> Sums<Self> {
-        static FASTEST: OnceLock<Sums<f64>> = OnceLock::new();
-        *FASTEST.get_or_init(Sums::fastest)
-    }
+            fn sums() -> Sums<Self> {
+                static FASTEST: OnceLock<Sums<$value>> = OnceLock::new();
+                *FASTEST.get_or_init(Sums::fastest)
+            }
+        }
+    };
 }
-
-impl Summable for Interleaved {
-    fn special() -> Vec<Kernel<Self>> {
-        #[cfg(target_arch = "x86_64")]
-        return super::gather::of_four();
-        #[cfg(not(target_arch = "x86_64"))]
-        Vec::new()
-    }
-
-    fn sums() -> Sums<Self> {
-        static FASTEST: OnceLock<Sums<Interleaved>> = OnceLock::new();
-        *FASTEST.get_or_init(Sums::fastest)
-    }
-}
+summable!(f64, of_one);
+summable!(Interleaved, of_four);
 
 #[derive(Clone, Copy)]
 pub(in crate::transport) struct Sums<V>(Kernel<V>);
