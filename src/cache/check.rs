@@ -87,22 +87,10 @@ mod tests {
     use crate::image::Resolution;
     use crate::render::TraceSettings;
 
-    impl InPieces for Rows {
-        fn starts(&self) -> Vec<u64> {
-            self.0.clone()
-        }
-
-        fn counts(&self) -> [usize; 2] {
-            [self.1.len(), self.2.len()]
-        }
-
-        fn columns<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<u32>> + 'a> {
-            Box::new(std::iter::once(self.1.clone()))
-        }
-
-        fn weights<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<f32>> + 'a> {
-            Box::new(std::iter::once(self.2.clone()))
-        }
+    fn in_pieces((starts, columns, weights): Rows) -> InPieces<'static> {
+        let counts = [columns.len(), weights.len()];
+        let (columns, weights) = (std::iter::once(columns), std::iter::once(weights));
+        InPieces { starts, counts, columns: Box::new(columns), weights: Box::new(weights) }
     }
 
     fn key() -> Key {
@@ -140,7 +128,10 @@ mod tests {
     }
 
     /// Reads a file that was written with this content and a correct checksum.
-    fn read_back(key: &Key, record: Record, arrays: &Arrays) -> Result<(), String> {
+    fn read_back(key: &Key, record: Record, arrays: Arrays) -> Result<(), String> {
+        let Arrays { layers, direct, ambient, white_error, noise } = arrays;
+        let layers = layers.into_iter().map(in_pieces).collect();
+        let arrays = Arrays { layers, direct, ambient, white_error, noise };
         let folder = tempfile::tempdir().expect("a temporary folder can be made");
         let path = folder.path().join("matrix.npz");
         let mut file = File::create(&path).expect("the folder is writable");
@@ -179,11 +170,11 @@ mod tests {
         ];
         let key = key();
         let (record, arrays) = sound(&key);
-        assert_eq!(read_back(&key, record, &arrays), Ok(()));
+        assert_eq!(read_back(&key, record, arrays), Ok(()));
         for (index, change) in changes.iter().enumerate() {
             let (mut record, mut arrays) = sound(&key);
             change(&mut record, &mut arrays);
-            assert!(read_back(&key, record, &arrays).is_err(), "change {index} is taken for a matrix");
+            assert!(read_back(&key, record, arrays).is_err(), "change {index} is taken for a matrix");
         }
     }
 }

@@ -58,16 +58,13 @@ pub(super) struct Arrays<L = Rows> {
 }
 
 /// A layer whose arrays are produced in pieces while they are written.
-pub(super) trait InPieces {
+pub(super) struct InPieces<'a> {
     /// The offset of the entries of each row. The last element is the number of entries.
-    fn starts(&self) -> Vec<u64>;
-
+    pub(super) starts: Vec<u64>,
     /// The lengths of the arrays of columns and of weights. In a valid layer, they are equal.
-    fn counts(&self) -> [usize; 2];
-
-    fn columns<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<u32>> + 'a>;
-
-    fn weights<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<f32>> + 'a>;
+    pub(super) counts: [usize; 2],
+    pub(super) columns: Box<dyn Iterator<Item = Vec<u32>> + 'a>,
+    pub(super) weights: Box<dyn Iterator<Item = Vec<f32>> + 'a>,
 }
 
 /// The checksum of a record and its arrays. It is updated with each field while the fields are read or written in order.
@@ -131,9 +128,18 @@ fn member(bounces: Bounces, last: bool, array: &str) -> String {
 }
 
 pub(super) fn write(key: &Key, files: &[PathBuf], traced: &Assembled) -> crate::Result<()> {
+    let entries = kept(traced.matrix.rig);
+    let layers: Vec<_> = traced.matrix.layers.iter().map(Layer::tiles).collect();
+    let row_starts: Vec<Vec<usize>> = layers.iter().map(|tiles| tiles.row_start(entries)).collect();
     for (channel, path) in files.iter().enumerate() {
-        let (record, arrays) = channel_content(key, traced, channel);
-        atomic::write_with(path, |file| write_channel(file, record, &arrays))?;
+        let in_pieces = layers.iter().zip(&row_starts).map(|(tiles, row_start)| InPieces {
+            starts: row_start.iter().map(|&start| start as u64).collect(),
+            counts: [row_start.last().copied().unwrap_or(0); 2],
+            columns: Box::new(tiles.columns(entries, row_start)),
+            weights: Box::new(tiles.weights(entries, channel, row_start)),
+        });
+        let (record, arrays) = channel_content(key, traced, channel, in_pieces.collect());
+        atomic::write_with(path, |file| write_channel(file, record, arrays))?;
     }
     Ok(())
 }
@@ -143,41 +149,17 @@ fn kept(rig: RigShape) -> Entries {
     if rig.symmetric { Entries::Upper } else { Entries::All }
 }
 
-/// One channel of a layer, in the form in which a file contains it.
-struct OfChannel<'a> {
-    layer: &'a Layer,
+fn channel_content<'a>(
+    key: &Key,
+    traced: &Assembled,
     channel: usize,
-    entries: Entries,
-    row_start: Vec<usize>,
-}
-
-impl InPieces for OfChannel<'_> {
-    fn starts(&self) -> Vec<u64> {
-        self.row_start.iter().map(|&start| start as u64).collect()
-    }
-
-    fn counts(&self) -> [usize; 2] {
-        [self.row_start.last().copied().unwrap_or(0); 2]
-    }
-
-    fn columns<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<u32>> + 'a> {
-        Box::new(self.layer.tiles().columns(self.entries, &self.row_start))
-    }
-
-    fn weights<'a>(&'a self) -> Box<dyn Iterator<Item = Vec<f32>> + 'a> {
-        Box::new(self.layer.tiles().weights(self.entries, self.channel, &self.row_start))
-    }
-}
-
-fn channel_content<'a>(key: &Key, traced: &'a Assembled, channel: usize) -> (Record, Arrays<OfChannel<'a>>) {
+    layers: Vec<InPieces<'a>>,
+) -> (Record, Arrays<InPieces<'a>>) {
     let Assembled { matrix, ambient, noise, summary, .. } = traced;
     let plane =
         |image: &Image| image.samples().iter().skip(channel).step_by(image.channels()).copied().collect();
-    let entries = kept(matrix.rig);
-    let of_channel =
-        |layer: &'a Layer| OfChannel { layer, channel, entries, row_start: layer.tiles().row_start(entries) };
     let arrays = Arrays {
-        layers: matrix.layers.iter().map(of_channel).collect(),
+        layers,
         direct: matrix.direct[channel].clone(),
         ambient: plane(ambient),
         white_error: noise.as_ref().map_or(Vec::new(), |noise| plane(&noise.white)),
@@ -204,15 +186,15 @@ fn channel_content<'a>(key: &Key, traced: &'a Assembled, channel: usize) -> (Rec
 }
 
 /// Writes the archive of one channel. The record comes last, because it has the checksum of the arrays.
-pub(super) fn write_channel<L: InPieces>(
+pub(super) fn write_channel(
     file: &mut (impl Write + io::Seek),
     mut record: Record,
-    arrays: &Arrays<L>,
+    mut arrays: Arrays<InPieces<'_>>,
 ) -> io::Result<()> {
     let mut checksum = Checksum::new(&record)?;
     let mut archive = ZipWriter::new(FirstError::new(file));
     let last = arrays.layers.len().saturating_sub(1);
-    for (index, (layer, &bounces)) in arrays.layers.iter().zip(&record.layers).enumerate() {
+    for (index, (layer, &bounces)) in arrays.layers.drain(..).zip(&record.layers).enumerate() {
         write_layer(&mut archive, &mut checksum, layer, |array| member(bounces, index == last, array))?;
     }
     sparse::add_format_to_npz(&mut archive)?;
@@ -224,7 +206,7 @@ pub(super) fn write_channel<L: InPieces>(
         sparse::add_to_npz(&mut archive, name, plane.len(), plane.iter().copied())?;
     }
     sparse::add_to_npz(&mut archive, "noise", arrays.noise.len(), arrays.noise.iter().copied())?;
-    checksum.planes(arrays);
+    checksum.planes(&arrays);
     record.checksum = checksum.finish();
     archive.start_file(RECORD, sparse::npz_options(0))?;
     archive.write_all(&serde_json::to_vec_pretty(&record)?)?;
@@ -236,13 +218,13 @@ pub(super) fn write_channel<L: InPieces>(
 fn write_layer(
     archive: &mut ZipWriter<impl Write + io::Seek>,
     checksum: &mut Checksum,
-    layer: &impl InPieces,
+    layer: InPieces<'_>,
     name: impl Fn(&str) -> String,
 ) -> io::Result<()> {
-    let (starts, [count, weights_count]) = (layer.starts(), layer.counts());
+    let InPieces { starts, counts: [count, weights_count], columns, weights } = layer;
     checksum.array(&starts);
     checksum.begin::<u32>(count);
-    let columns = layer.columns().inspect(|piece| checksum.piece(piece)).flatten();
+    let columns = columns.inspect(|piece| checksum.piece(piece)).flatten();
     // SciPy uses one type for both index arrays: 32 bits if possible.
     if i32::try_from(count).is_ok() {
         sparse::add_to_npz(archive, &name("indices"), count, columns.map(|column| column as i32))?;
@@ -252,7 +234,7 @@ fn write_layer(
         sparse::add_to_npz(archive, &name("indptr"), starts.len(), starts.iter().map(|&v| v as i64))?;
     }
     checksum.begin::<f32>(weights_count);
-    let weights = layer.weights().inspect(|piece| checksum.piece(piece)).flatten();
+    let weights = weights.inspect(|piece| checksum.piece(piece)).flatten();
     sparse::add_to_npz(archive, &name("data"), weights_count, weights)
 }
 
