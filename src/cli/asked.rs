@@ -6,7 +6,7 @@ use clap::{ArgMatches, Args, Command, FromArgMatches, Subcommand};
 use serde_json::{Value, json};
 
 use super::console::Console;
-use super::opening::{Opening, in_run, merge};
+use super::opening::{builder, in_run, merge, open_shown, settings};
 use super::options::{CheckArgs, OperatorArgs, RunArgs, SourceArgs};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
@@ -14,7 +14,7 @@ use super::{Outcome, embedded_page, opener};
 use crate::error::{Error, Result};
 use crate::finding::Grade;
 use crate::io::name::Name;
-use crate::lab::{Answer, Lab};
+use crate::lab::{Answer, Lab, Settings};
 use crate::paint::Canvas;
 use crate::paint::page::Kept;
 use crate::verbs::{AnyVerb, Declared, VERBS};
@@ -109,11 +109,14 @@ impl AskedVerb {
         // Wrong options are reported before anything is written or traced.
         request.check()?;
         let channels = request.channels(&before.source.source)?;
-        let opening = Opening {
+        let settings = Settings {
+            operator: before.operator,
+            channels,
             split_bounces: request.splits_bounces(),
-            ..Opening::new(&before.source, &before.trace).operator(&before.operator).channels(channels)
+            ..settings(&before.source.view, &before.trace)
         };
-        let mut lab = opening.open_shown(&after.live, console)?;
+        let builder = builder(&before.source.source, settings, console);
+        let mut lab = open_shown(builder, &after.live, console)?;
         request.check_on(&lab)?;
         in_run(&mut lab, &after.run, self.name, |lab| self.answer(lab, console))
     }

@@ -25,21 +25,15 @@ pub(super) struct Args {
 enum Action {
     /// List the matrices, those used last first
     #[command(after_help = "Example:\n  krylux cache list --json")]
-    List(ActionArgs),
+    List(CacheArgs),
     /// Remove all of them
     #[command(after_help = "Example:\n  krylux cache clear")]
-    Clear(ActionArgs),
-}
-
-#[derive(clap::Args)]
-struct ActionArgs {
-    #[command(flatten)]
-    cache: CacheArgs,
+    Clear(CacheArgs),
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let (Action::List(of) | Action::Clear(of)) = &args.action;
-    let cache = of.cache.choice().open().ok_or_else(|| {
+    let cache = of.choice().open().ok_or_else(|| {
         Error::option("--cache", "there is no cache to look at")
             .help("name its folder by --cache DIR or KRYLUX_CACHE")
     })?;

@@ -163,11 +163,9 @@ pub(super) fn index(args: &IndexArgs, console: &Console) -> Result<Outcome> {
     }
     let runs = page::find(&args.folder)?;
     if runs.is_empty() {
-        return Err(Error::option(
-            args.folder.display().to_string(),
-            "holds no run: no folder in it has a run.json",
-        )
-        .help("name the folder that the folders of runs lie in, such as out"));
+        let fault = "holds no run: no folder in it has a run.json";
+        return Err(Error::option(args.folder.display().to_string(), fault)
+            .help("name the folder that the folders of runs lie in, such as out"));
     }
     let page = page::write(&args.folder, &runs)?;
     console.say(format_args!("runs      {}", runs.len()))?;
