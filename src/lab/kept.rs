@@ -71,11 +71,9 @@ impl KeptRun {
         match Self::at(&self.path).map(|now| now.photos) {
             Some(KeptPhotos::Recomputable) => {}
             _ => {
-                return Err(Error::option(
-                    "FOLDER",
-                    format!("the photos in {} cannot be computed again", self.path.display()),
-                )
-                .help("delete the folder yourself if you do not need them"));
+                let fault = format!("the photos in {} cannot be computed again", self.path.display());
+                let help = "delete the folder yourself if you do not need them";
+                return Err(Error::option("FOLDER", fault).help(help));
             }
         }
         let journal = journal_folder(&self.path);

@@ -68,11 +68,11 @@ pub use run_model::open_model;
 pub use settings::{
     CacheChoice, ChannelChoice, OperatorChoice, OperatorSettings, Settings, TraceOverrides, View,
 };
-pub(crate) use settings::{byte_count, size};
+pub(crate) use settings::{byte_count, first_given, number, size};
 pub use shards::{JoinedShards, Scaling, TracedShard, join_shards};
+pub(crate) use source::not_a_rig;
 pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, GivenArray, Saved, Verb, Verified};
-pub use verification::VerifiedEigenpairs;
 
 pub use crate::analysis::segment::Truth;
 use crate::error::{Error, Result};

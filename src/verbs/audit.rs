@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::options::{count, defaults, number};
+use super::options::{count, number};
 use crate::bench::audit::{AuditOptions, AuditReport, Exact, audit};
 use crate::error::{Error, Result};
 use crate::finding::Finding;
@@ -28,12 +28,6 @@ pub struct Audit {
     /// Asymmetry |A − Aᵀ|/|A| that passes
     #[arg(long, value_name = "X", default_value_t = 0.1, value_parser = number::<f64>)]
     pub asymmetry: f64,
-}
-
-impl Default for Audit {
-    fn default() -> Self {
-        defaults()
-    }
 }
 
 impl Audit {

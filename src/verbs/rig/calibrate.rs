@@ -14,7 +14,6 @@ use crate::report::content::Content;
 use crate::report::html::{Block, Outcome, Report, Section, Verdict};
 use crate::report::plot::{LinePlot, Series};
 use crate::report::{colormap, figure, run};
-use crate::verbs::options::defaults;
 
 /// Measure a rig's devices from captures alone: responses, noise, pixel map, uneven brightness, latency, drift
 #[derive(clap::Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -45,12 +44,6 @@ pub struct Calibrate {
     /// Go on with the calibration in the folder: no photo that is in its journal is taken again
     #[arg(long, conflicts_with = "overwrite")]
     pub resume: bool,
-}
-
-impl Default for Calibrate {
-    fn default() -> Self {
-        defaults()
-    }
 }
 
 /// A finished calibration.
