@@ -30,14 +30,8 @@ use crate::verbs::rig::{
 };
 
 /// Measure and check the devices of a rig
-#[derive(clap::Args)]
-pub(super) struct Args {
-    #[command(subcommand)]
-    action: Action,
-}
-
 #[derive(Subcommand)]
-enum Action {
+pub(super) enum Action {
     List(ListDevices),
     Preview(Box<Asked<PreviewCamera, RigArgs, LiveArgs>>),
     Align(Box<Asked<Align, RigArgs, LiveArgs>>),
@@ -48,7 +42,7 @@ enum Action {
 
 /// Which rig.
 #[derive(clap::Args)]
-struct RigArgs {
+pub(super) struct RigArgs {
     /// A rig file (.toml), of real or virtual devices
     #[arg(value_name = "RIG")]
     rig: PathBuf,
@@ -66,8 +60,8 @@ impl RigArgs {
     }
 }
 
-pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    match &args.action {
+pub(super) fn run(action: &Action, console: &Console) -> Result<Outcome> {
+    match action {
         Action::List(request) => {
             let (content, is_found) = request.ask()?;
             tell("rig list", &content, is_found, console)
