@@ -16,7 +16,7 @@ use crate::finding::Grade;
 use crate::io::name::Name;
 use crate::lab::{Answer, Lab, Settings};
 use crate::paint::Canvas;
-use crate::paint::page::Kept;
+use crate::paint::page::{EmbedOptions, Kept, Precision};
 use crate::verbs::{AnyVerb, Declared, VERBS};
 
 /// A verb of the list on the command line.
@@ -178,7 +178,9 @@ impl AskedVerb {
         });
         if self.after.run.paint {
             let page = saved.folder.join("paint.html");
-            summary["paint"] = embedded_page::write(&page, &mut Canvas::new(lab)?, kept, console)?;
+            let max_bytes = Some(embedded_page::MAX_BYTES);
+            let options = EmbedOptions { precision: Precision::Half, max_bytes, kept };
+            summary["paint"] = embedded_page::write(&page, &mut Canvas::new(lab)?, &options, console)?;
         }
         merge(&mut summary, facts);
         console.summary(&summary)?;

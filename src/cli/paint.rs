@@ -106,7 +106,7 @@ fn write_page(args: &EmbedArgs, file: &Path, canvas: &mut Canvas<'_>, console: &
         max_bytes: usize::try_from(args.max_size).ok(),
         kept: kept(args, canvas, console)?,
     };
-    let mut summary = embedded_page::write_with(file, canvas, &options, console)?;
+    let mut summary = embedded_page::write(file, canvas, &options, console)?;
     summary["verb"] = json!("paint");
     console.summary(&summary)?;
     Ok(Outcome::Done)

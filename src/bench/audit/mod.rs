@@ -94,11 +94,6 @@ impl AuditReport {
         self.devices.iter().filter(|finding| finding.grade >= Grade::Warning)
     }
 
-    /// The checks of the audit.
-    pub fn findings(&self) -> Vec<Finding> {
-        self.checks.clone()
-    }
-
     /// Whether no check fails.
     pub fn passed(&self) -> bool {
         self.checks.iter().all(|check| check.grade != Grade::Fails)

@@ -150,11 +150,8 @@ fn page(
     calibration: &Calibration,
     report: &CalibrationReport,
 ) -> Result<Report> {
-    let table = Block::Table {
-        headers: ["Of", "Measured"].map(str::to_owned).to_vec(),
-        rows: report.lines().iter().map(|row| row.to_vec()).collect(),
-        caption: String::new(),
-    };
+    let rows = report.lines().iter().map(|row| row.to_vec()).collect();
+    let table = Block::table(["Of", "Measured"], rows, "");
     let map = figure::amounts(
         calibration.registration.projector,
         &footprints(calibration),
@@ -166,12 +163,10 @@ fn page(
     let section =
         |title: &str, text: &str, blocks| Section { title: title.into(), text: text.into(), blocks };
     let taken = report.effort.frames();
+    let sentence = format!("Calibrated from {taken} frames, from captures alone.");
     Ok(Report {
         title: format!("{name} · calibration"),
-        verdict: Verdict {
-            outcome: Outcome::Good,
-            sentence: format!("Calibrated from {taken} frames, from captures alone."),
-        },
+        verdict: Verdict { outcome: Outcome::Good, sentence },
         facts: run::facts(&run.manifest, usize::try_from(taken).unwrap_or(usize::MAX), [], run.seconds()),
         sections: vec![
             section("Figures", "Each with its standard error.", vec![table]),
