@@ -112,11 +112,10 @@ impl Lab {
     }
 
     fn direct_or_all(&mut self) -> Result<Vec<Csr>> {
-        let light = match self.matrices_of(Part::Direct)? {
-            Some(direct) => Some(direct),
-            None => self.matrices_of(Part::Full)?,
-        };
-        Ok(light.unwrap_or_default())
+        match self.matrices_of(Part::Direct)? {
+            Some(direct) => Ok(direct),
+            None => Ok(self.matrices_of(Part::Full)?.unwrap_or_default()),
+        }
     }
 
     /// The projector pixel that lights each camera pixel most; `None` if it is the pixel at the same place. The photos of a calibrated rig

@@ -50,13 +50,8 @@ impl Verb for Audit {
     }
 
     fn check_on(&self, lab: &Lab) -> Result<()> {
-        match lab.folder_of_run() {
-            Some(folder) => {
-                Err(Error::data(folder, "its photos do not answer this verb")
-                    .help("give the scene or the rig"))
-            }
-            None => Ok(()),
-        }
+        let Some(folder) = lab.folder_of_run() else { return Ok(()) };
+        Err(Error::data(folder, "its photos do not answer this verb").help("give the scene or the rig"))
     }
 
     /// Checks the operator and the devices of a rig. No photos are kept, since an audit compares two photos of the same pattern.

@@ -79,12 +79,8 @@ pub(crate) fn png(text: &str) -> std::result::Result<PathBuf, String> {
 
 /// Refuses options that were given to a verb, but that a plan of this verb does not support.
 pub(super) fn not_planned(verb: &str, given: &[(bool, &str)]) -> Result<()> {
-    match first_given(given) {
-        None => Ok(()),
-        Some(option) => {
-            Err(Error::option(option, format!("it is no part of a plan of {verb}")).help("leave it out"))
-        }
-    }
+    let Some(option) = first_given(given) else { return Ok(()) };
+    Err(Error::option(option, format!("it is no part of a plan of {verb}")).help("leave it out"))
 }
 
 /// A part of the light.

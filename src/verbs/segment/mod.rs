@@ -323,13 +323,9 @@ impl Segment {
 
     fn check_pixels(&self, resolution: Resolution) -> Result<()> {
         let outside = |&&Pixel(x, y): &&Pixel| x >= resolution.width || y >= resolution.height;
-        match self.features.iter().find(outside) {
-            None => Ok(()),
-            Some(Pixel(x, y)) => {
-                Err(Error::option("--features", format!("pixel {x},{y} is outside of the picture"))
-                    .help(format!("it has {resolution} pixels; columns and rows are counted from 0")))
-            }
-        }
+        let Some(Pixel(x, y)) = self.features.iter().find(outside) else { return Ok(()) };
+        Err(Error::option("--features", format!("pixel {x},{y} is outside of the picture"))
+            .help(format!("it has {resolution} pixels; columns and rows are counted from 0")))
     }
 
     /// Refuses options that need a symmetric matrix.
