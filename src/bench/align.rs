@@ -114,19 +114,12 @@ impl Alignment {
         let grade = if self.stand.is_none() { Grade::Ok } else { Grade::Fails };
         let disparity =
             Finding::graded("disparity", grade, found, format!("at most {least:.3} pixels"), help);
-        let found = format!(
-            "{:.1} % of what the camera sees gets no light straight from the projector",
-            100.0 * self.shadow
-        );
+        let percent = 100.0 * self.shadow;
+        let found =
+            format!("{percent:.1} % of what the camera sees gets no light straight from the projector");
         let expected = format!("at most {:.1} %", 100.0 * options.share);
-        let shadow = Finding::at_most(
-            "shadow",
-            [self.shadow, 0.0, options.share],
-            Grade::Fails,
-            found,
-            expected,
-            help,
-        );
+        let within = [self.shadow, 0.0, options.share];
+        let shadow = Finding::at_most("shadow", within, Grade::Fails, found, expected, help);
         [disparity.measured(size, error, least), shadow].into_iter().chain(self.symmetry.clone()).collect()
     }
 

@@ -106,10 +106,7 @@ impl LivePreview {
         exposure: Option<f64>,
     ) -> Result<(Self, WhiteExposure)> {
         let frame = Arc::new(level_frame(pattern, frames.projector())?);
-        let (exposure, outcome) = match exposure {
-            Some(exposure) => (exposure, WhiteExposure::Filled),
-            None => StructuredLight::white_exposure(frames.as_mut())?,
-        };
+        let (exposure, outcome) = StructuredLight::white_exposure(exposure, frames.as_mut())?;
         let range = CountRange::measure(known, frames.as_mut())?;
         let began = frames.effort().seconds;
         let preview = Self { frames, frame, exposure, range, began, taken: 0, last: None, figures: None };

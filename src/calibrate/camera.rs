@@ -107,11 +107,9 @@ fn series(
     let mut down = exposures.iter().rev().map(|&e| session.capture(white, e)).collect::<Result<Vec<_>>>()?;
     down.reverse();
     if up.len() < 3 {
-        return Err(Error::rig(
-            "camera",
-            "its exposures leave no room for a series: white fills the range near the shortest",
-        )
-        .help("close the aperture, lower the gain, or dim the projector"));
+        let fault = "its exposures leave no room for a series: white fills the range near the shortest";
+        let help = "close the aperture, lower the gain, or dim the projector";
+        return Err(Error::rig("camera", fault).help(help));
     }
     Ok((up, down))
 }

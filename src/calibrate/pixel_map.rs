@@ -63,45 +63,30 @@ pub(crate) fn pixel_map(
             }
         }
     };
-    let outliers = |fit: &Fit| fit.outliers;
-    match fit {
-        Ok(fit) if fit.rms < FITS * decoded.step as f64 && fit.outliers < OUTLIERS => {
+    let (registration, rms, error, unreliable, lens) = match fit? {
+        fit if fit.rms < FITS * decoded.step as f64 && fit.outliers < OUTLIERS => {
             // The stripes refine the map, unless no camera pixel sees an edge: the codes are then exact, and the stripes less informative.
             let finer = refined(&fit, &decoded).ok().filter(|finer| finer.error < fit.error);
             let fit = finer.unwrap_or(fit);
             let registration = by_overlap(&fit.map, &decoded.lit);
             let lost = match by {
-                MapBy::GrayCode => decoded.unreliable + (1.0 - decoded.unreliable) * outliers(&fit),
-                MapBy::Checkerboard => outliers(&fit),
+                MapBy::GrayCode => decoded.unreliable + (1.0 - decoded.unreliable) * fit.outliers,
+                MapBy::Checkerboard => fit.outliers,
             };
-            let figures = MapFigures {
-                by,
-                points,
-                rms: fit.rms,
-                error: fit.error,
-                unreliable: lost,
-                masked: masked(&registration),
-                lens: Some(fit.map),
-            };
-            Ok((registration, figures))
+            (registration, fit.rms, fit.error, lost, Some(fit.map))
         }
         // No common map fits, perhaps because the rig is not coaxial. Each decoded camera pixel is then used separately.
-        Ok(fit) if by == MapBy::GrayCode && decoded.step == 1 => {
+        fit if by == MapBy::GrayCode && decoded.step == 1 => {
             let registration = by_decoding(&decoded, camera, projector);
-            let figures = MapFigures {
-                by,
-                points,
-                rms: fit.rms,
-                error: (1.0_f64 / 6.0).sqrt(),
-                unreliable: decoded.unreliable,
-                masked: masked(&registration),
-                lens: None,
-            };
-            Ok((registration, figures))
+            (registration, fit.rms, (1.0_f64 / 6.0).sqrt(), decoded.unreliable, None)
         }
-        Ok(fit) => Err(map_fit::no_map((points as f64 * (1.0 - fit.outliers)) as usize, camera, projector)),
-        Err(error) => Err(error),
-    }
+        fit => {
+            let fitting = (points as f64 * (1.0 - fit.outliers)) as usize;
+            return Err(map_fit::no_map(fitting, camera, projector));
+        }
+    };
+    let masked = masked(&registration);
+    Ok((registration, MapFigures { by, points, rms, error, unreliable, masked, lens }))
 }
 
 /// The pixel map by decoding. All camera pixels that were decoded to a projector pixel have equal weights. This map is used where no common

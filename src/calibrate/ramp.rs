@@ -122,11 +122,9 @@ fn relative(model: &CameraModel, lit: &Mean, dark: &Mean, white: &Mean, base: &M
     }
     let [rate, norm] = [sum / lit.exposure, norm / white.exposure];
     if norm <= 0.0 {
-        return Err(Error::rig(
-            "projector",
-            "its white is no brighter than its black in the camera's photos",
-        )
-        .help("check that the projector shows the frames, and that the camera sees its light"));
+        let fault = "its white is no brighter than its black in the camera's photos";
+        return Err(Error::rig("projector", fault)
+            .help("check that the projector shows the frames, and that the camera sees its light"));
     }
     Ok((rate / norm, variance.sqrt() / lit.exposure / norm))
 }

@@ -6,7 +6,6 @@ use std::sync::Arc;
 
 use super::report::MeasuredValue;
 use crate::error::Result;
-use crate::image::Resolution;
 use crate::measure::{CameraResponse, CaptureRequest, Effort, FrameSource};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 
@@ -59,7 +58,7 @@ impl<'a> CalibrationSession<'a> {
     }
 
     pub(crate) fn top(&self) -> u16 {
-        ((1_u32 << self.projector().bits) - 1) as u16
+        self.projector().highest()
     }
 
     pub(crate) fn full(&self) -> f64 {
@@ -74,25 +73,21 @@ impl<'a> CalibrationSession<'a> {
 
     /// A frame with this level in one channel, and level 0 in the others.
     pub(crate) fn filled_channel(&self, channel: usize, level: u16) -> Result<Arc<Frame>> {
-        let ProjectorInfo { resolution, channels, .. } = *self.projector();
-        let of = |sample: usize| if sample % channels == channel { level } else { 0 };
-        Ok(Arc::new(Frame::new(resolution, channels, (0..resolution.pixels() * channels).map(of).collect())?))
+        self.frame(|_, of| if of == channel { level } else { 0 })
     }
 
     /// A frame with the brightest level at the pixels (column, row) that are `lit`, and level 0 elsewhere.
     pub(crate) fn drawn(&self, lit: impl Fn(usize, usize) -> bool) -> Result<Arc<Frame>> {
+        let (top, width) = (self.top(), self.projector().resolution.width);
+        self.frame(|pixel, _| if lit(pixel % width, pixel / width) { top } else { 0 })
+    }
+
+    /// A frame with the level that `level` gives for the pixel and the channel.
+    fn frame(&self, level: impl Fn(usize, usize) -> u16) -> Result<Arc<Frame>> {
         let ProjectorInfo { resolution, channels, .. } = *self.projector();
-        let Resolution { width, .. } = resolution;
-        let top = self.top();
-        let level = |sample: usize| {
-            let pixel = sample / channels;
-            if lit(pixel % width, pixel / width) { top } else { 0 }
-        };
-        Ok(Arc::new(Frame::new(
-            resolution,
-            channels,
-            (0..resolution.pixels() * channels).map(level).collect(),
-        )?))
+        let samples = 0..resolution.pixels() * channels;
+        let levels = samples.map(|sample| level(sample / channels, sample % channels)).collect();
+        Ok(Arc::new(Frame::new(resolution, channels, levels)?))
     }
 
     /// Captures this frame at this exposure with the next take number.

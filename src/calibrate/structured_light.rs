@@ -37,10 +37,7 @@ impl<'a> StructuredLight<'a> {
     ) -> Result<Self> {
         let mut session = CalibrationSession::new(frames);
         let white = session.filled(session.top());
-        let exposure = match exposure {
-            Some(exposure) => exposure,
-            None => fill(&mut session, &white)?,
-        };
+        let exposure = exposure.map_or_else(|| fill(&mut session, &white), Ok)?;
         if let Some(known) = known {
             return Ok(Self { session, model: CameraModel::of(known, exposure, 1) });
         }
@@ -62,8 +59,12 @@ impl<'a> StructuredLight<'a> {
         Ok(Self { session, model })
     }
 
-    /// Finds the exposure in seconds at which white fills about 70 % of the camera's range, and whether the camera has such an exposure.
-    pub fn white_exposure(frames: &mut dyn FrameSource) -> Result<(f64, WhiteExposure)> {
+    /// The given exposure in seconds, or else the one at which white fills about 70 % of the camera's range; and whether the camera has such
+    /// an exposure, which is not examined for a given one.
+    pub fn white_exposure(given: Option<f64>, frames: &mut dyn FrameSource) -> Result<(f64, WhiteExposure)> {
+        if let Some(exposure) = given {
+            return Ok((exposure, WhiteExposure::Filled));
+        }
         let mut session = CalibrationSession::new(frames);
         let white = session.filled(session.top());
         search(&mut session, &white)

@@ -6,7 +6,7 @@ use clap::{ArgMatches, Args, Command, FromArgMatches, Subcommand};
 use serde_json::{Value, json};
 
 use super::console::Console;
-use super::opening::{Opening, in_run, merge};
+use super::opening::{builder, in_run, merge, open_shown, settings};
 use super::options::{CheckArgs, OperatorArgs, RunArgs, SourceArgs};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
@@ -14,9 +14,9 @@ use super::{Outcome, embedded_page, opener};
 use crate::error::{Error, Result};
 use crate::finding::Grade;
 use crate::io::name::Name;
-use crate::lab::{Answer, Lab};
+use crate::lab::{Answer, Lab, Settings};
 use crate::paint::Canvas;
-use crate::paint::page::Kept;
+use crate::paint::page::{EmbedOptions, Kept, Precision};
 use crate::verbs::{AnyVerb, Declared, VERBS};
 
 /// A verb of the list on the command line.
@@ -109,11 +109,14 @@ impl AskedVerb {
         // Wrong options are reported before anything is written or traced.
         request.check()?;
         let channels = request.channels(&before.source.source)?;
-        let opening = Opening {
+        let settings = Settings {
+            operator: before.operator,
+            channels,
             split_bounces: request.splits_bounces(),
-            ..Opening::new(&before.source, &before.trace).operator(&before.operator).channels(channels)
+            ..settings(&before.source.view, &before.trace)
         };
-        let mut lab = opening.open_shown(&after.live, console)?;
+        let builder = builder(&before.source.source, settings, console);
+        let mut lab = open_shown(builder, &after.live, console)?;
         request.check_on(&lab)?;
         in_run(&mut lab, &after.run, self.name, |lab| self.answer(lab, console))
     }
@@ -175,7 +178,9 @@ impl AskedVerb {
         });
         if self.after.run.paint {
             let page = saved.folder.join("paint.html");
-            summary["paint"] = embedded_page::write(&page, &mut Canvas::new(lab)?, kept, console)?;
+            let max_bytes = Some(embedded_page::MAX_BYTES);
+            let options = EmbedOptions { precision: Precision::Half, max_bytes, kept };
+            summary["paint"] = embedded_page::write(&page, &mut Canvas::new(lab)?, &options, console)?;
         }
         merge(&mut summary, facts);
         console.summary(&summary)?;

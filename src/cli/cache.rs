@@ -14,36 +14,24 @@ use crate::io::name::Name;
 use crate::lab::text;
 
 /// Show or empty the cache of traced matrices
-#[derive(clap::Args)]
-#[command(after_help = "Examples:\n  krylux cache list\n  krylux cache clear")]
-pub(super) struct Args {
-    #[command(subcommand)]
-    action: Action,
-}
-
 #[derive(Subcommand)]
-enum Action {
+#[command(after_help = "Examples:\n  krylux cache list\n  krylux cache clear")]
+pub(super) enum Action {
     /// List the matrices, those used last first
     #[command(after_help = "Example:\n  krylux cache list --json")]
-    List(ActionArgs),
+    List(CacheArgs),
     /// Remove all of them
     #[command(after_help = "Example:\n  krylux cache clear")]
-    Clear(ActionArgs),
+    Clear(CacheArgs),
 }
 
-#[derive(clap::Args)]
-struct ActionArgs {
-    #[command(flatten)]
-    cache: CacheArgs,
-}
-
-pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    let (Action::List(of) | Action::Clear(of)) = &args.action;
-    let cache = of.cache.choice().open().ok_or_else(|| {
+pub(super) fn run(action: &Action, console: &Console) -> Result<Outcome> {
+    let (Action::List(of) | Action::Clear(of)) = action;
+    let cache = of.choice().open().ok_or_else(|| {
         Error::option("--cache", "there is no cache to look at")
             .help("name its folder by --cache DIR or KRYLUX_CACHE")
     })?;
-    match args.action {
+    match action {
         Action::List(_) => list(&cache, console),
         Action::Clear(_) => clear(&cache, console),
     }

@@ -9,19 +9,13 @@ use crate::error::Result;
 use crate::io::name::Name;
 use crate::lab::text::percent;
 use crate::paint::Canvas;
-use crate::paint::page::{EmbedOptions, Embedded, Kept, Precision};
+use crate::paint::page::{EmbedOptions, Embedded};
 
 /// The size limit of a page beside a report. It equals the default of `--max-size`.
-const MAX_BYTES: usize = 32 << 20;
-
-/// Writes a page beside a report, as [`write_with`].
-pub(super) fn write(file: &Path, canvas: &mut Canvas<'_>, kept: Kept, console: &Console) -> Result<Value> {
-    let options = EmbedOptions { precision: Precision::Half, max_bytes: Some(MAX_BYTES), kept };
-    write_with(file, canvas, &options, console)
-}
+pub(super) const MAX_BYTES: usize = 32 << 20;
 
 /// Writes a page as one file, and reports its size and the error of its photos.
-pub(super) fn write_with(
+pub(super) fn write(
     file: &Path,
     canvas: &mut Canvas<'_>,
     options: &EmbedOptions,

@@ -7,13 +7,13 @@ use clap::Subcommand;
 
 use super::Outcome;
 use super::console::Console;
-use super::opening::{Opening, in_journal, tell};
+use super::opening::{builder, in_journal, open_shown, settings, tell};
 use super::options::{KeepArgs, OperatorArgs, ViewArgs, free_file};
 use super::tev::LiveArgs;
 use super::trace::{CacheArgs, TraceArgs};
 use crate::error::Result;
 use crate::io::sparse;
-use crate::lab::SharedObserver;
+use crate::lab::{Settings, SharedObserver};
 use crate::transport::Backend;
 use crate::verbs::matrix::{JoinShards, WriteMatrix};
 
@@ -74,20 +74,18 @@ fn checked(named: Option<&PathBuf>) -> Result<PathBuf> {
 
 fn write_matrix(args: &Args, source: &Path, console: &Console) -> Result<Outcome> {
     let request = &args.request;
-    let operator = OperatorArgs { backend: args.products, ..OperatorArgs::default() };
-    let opening = Opening {
-        source,
-        view: &args.view,
-        trace: &args.trace,
-        operator: Some(&operator),
+    let settings = Settings {
+        operator: OperatorArgs { backend: args.products, ..OperatorArgs::default() },
         channels: request.channels.into(),
         split_bounces: request.split_bounces,
+        ..settings(&args.view, &args.trace)
     };
+    let builder = builder(source, settings, console);
     if let (Some(shard), Some(file)) = (request.shard, &request.file) {
-        return tell("matrix", &shard.ask(&mut opening.open(console)?, file)?, true, console);
+        return tell("matrix", &shard.ask(&mut builder.open()?, file)?, true, console);
     }
     let file = checked(request.file.as_ref())?;
-    let mut lab = opening.open_shown(&args.live, console)?;
+    let mut lab = open_shown(builder, &args.live, console)?;
     in_journal(&mut lab, &args.keep, "matrix", |lab| {
         let (content, is_good) = request.ask(lab, &file)?;
         tell("matrix", &content, is_good, console)

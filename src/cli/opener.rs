@@ -1,18 +1,12 @@
 //! Opens pages on the desktop.
 
 use std::ffi::OsStr;
-use std::path::Path;
 
 use super::console::Console;
 
-/// Opens a file without waiting for the browser; see [`open_page`].
-pub(super) fn open(report: &Path, console: &Console) {
-    open_page(report, console);
-}
-
 /// Opens a file or an address without waiting for the browser. If there is no opener or no screen, a note gives the location of the page.
 /// This is no error, since the requested page exists.
-pub(super) fn open_page(page: impl AsRef<OsStr>, console: &Console) {
+pub(super) fn open(page: impl AsRef<OsStr>, console: &Console) {
     let page = page.as_ref();
     if let Err(why) = try_open(page) {
         let page = page.display();

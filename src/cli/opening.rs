@@ -6,78 +6,37 @@ use serde_json::{Value, json};
 
 use super::Outcome;
 use super::console::Console;
-use super::options::{KeepArgs, OperatorArgs, RunArgs, SourceArgs, ViewArgs};
+use super::options::{KeepArgs, RunArgs, SourceArgs, ViewArgs};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::{Error, Result};
-use crate::lab::{ChannelChoice, Lab, LabBuilder, RunOptions, Settings, SharedObserver, SourceKind};
+use crate::lab::{Lab, LabBuilder, RunOptions, Settings, SharedObserver, SourceKind};
 use crate::report::content::Content;
 
-/// The options that open a source.
-pub(super) struct Opening<'a> {
-    pub(super) source: &'a Path,
-    pub(super) view: &'a ViewArgs,
-    pub(super) trace: &'a TraceArgs,
-    pub(super) operator: Option<&'a OperatorArgs>,
-    pub(super) channels: ChannelChoice,
-    pub(super) split_bounces: bool,
+/// The settings for a source with one gray channel.
+pub(super) fn settings(view: &ViewArgs, trace: &TraceArgs) -> Settings {
+    Settings {
+        view: view.clone(),
+        trace: trace.overrides,
+        adapter: trace.adapter.clone(),
+        cache: trace.cache.choice(),
+        ..Settings::default()
+    }
 }
 
-impl<'a> Opening<'a> {
-    /// The options for a source with one gray channel.
-    pub(super) fn new(source: &'a SourceArgs, trace: &'a TraceArgs) -> Self {
-        Self {
-            source: &source.source,
-            view: &source.view,
-            trace,
-            operator: None,
-            channels: ChannelChoice::Luma,
-            split_bounces: false,
-        }
-    }
+/// The builder of the laboratory, with the console as observer.
+pub(super) fn builder(source: &Path, settings: Settings, console: &Console) -> LabBuilder {
+    let observer = SharedObserver(std::sync::Arc::new(console.clone()));
+    let settings = Settings { team: console.team(), ..settings };
+    let builder = Lab::builder(source).settings(settings).observer(observer);
+    builder.allow_programs(console.allows_programs())
+}
 
-    /// Sets how the photos of a scene are computed.
-    pub(super) fn operator(self, operator: &'a OperatorArgs) -> Self {
-        Self { operator: Some(operator), ..self }
-    }
-
-    /// Sets gray or coloured photos.
-    pub(super) fn channels(self, channels: impl Into<ChannelChoice>) -> Self {
-        Self { channels: channels.into(), ..self }
-    }
-
-    /// The settings of the laboratory.
-    pub(super) fn settings(&self, console: &Console) -> Settings {
-        Settings {
-            view: self.view.clone(),
-            trace: self.trace.overrides,
-            adapter: self.trace.adapter.clone(),
-            cache: self.trace.cache.choice(),
-            channels: self.channels,
-            split_bounces: self.split_bounces,
-            operator: self.operator.copied().unwrap_or_default(),
-            team: console.team(),
-        }
-    }
-
-    /// The builder of the laboratory, with the console as observer.
-    pub(super) fn builder(&self, console: &Console) -> LabBuilder {
-        let observer = SharedObserver(std::sync::Arc::new(console.clone()));
-        let builder = Lab::builder(self.source).settings(self.settings(console)).observer(observer);
-        builder.allow_programs(console.allows_programs())
-    }
-
-    /// Opens the source.
-    pub(super) fn open(&self, console: &Console) -> Result<Lab> {
-        self.builder(console).open()
-    }
-
-    /// Opens the source. If `live` names an image viewer, the viewer shows the photos.
-    pub(super) fn open_shown(&self, live: &LiveArgs, console: &Console) -> Result<Lab> {
-        let lab = self.open(console)?;
-        live.show(&lab, console);
-        Ok(lab)
-    }
+/// Opens the source. If `live` names an image viewer, the viewer shows the photos.
+pub(super) fn open_shown(builder: LabBuilder, live: &LiveArgs, console: &Console) -> Result<Lab> {
+    let lab = builder.open()?;
+    live.show(&lab, console);
+    Ok(lab)
 }
 
 impl From<&RunArgs> for RunOptions {
@@ -94,11 +53,9 @@ pub(super) fn in_run<T>(
     work: impl FnOnce(&mut Lab) -> Result<T>,
 ) -> Result<T> {
     if run.paint && !matches!(lab.kind(), SourceKind::Scene | SourceKind::Matrix) {
-        return Err(Error::option(
-            "--paint",
-            "the page holds the light transport matrix, which a rig or a run does not have in memory",
-        )
-        .help("leave it out; `krylux paint` serves a page for them"));
+        let fault = "the page holds the light transport matrix, which a rig or a run does not have in memory";
+        let help = "leave it out; `krylux paint` serves a page for them";
+        return Err(Error::option("--paint", fault).help(help));
     }
     lab.begin_run(verb, &run.into())?;
     let mut outcome = work(lab);
@@ -153,9 +110,9 @@ pub(super) struct Traced {
 }
 
 impl Traced {
-    /// The options that open the source.
-    pub(super) fn opening(&self) -> Opening<'_> {
-        Opening::new(&self.source, &self.trace)
+    /// The settings for a source with one gray channel.
+    pub(super) fn settings(&self) -> Settings {
+        settings(&self.source.view, &self.trace)
     }
 }
 

@@ -9,12 +9,12 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::embedded_page;
-use super::opening::{Opening, in_journal};
+use super::opening::{builder, in_journal, settings};
 use super::options::{ChannelsArg, KeepArgs, SourceArgs, count, time};
 use super::trace::TraceArgs;
 use crate::error::Result;
 use crate::io::atomic;
-use crate::lab::{Lab, byte_count};
+use crate::lab::{Lab, Settings, byte_count};
 use crate::paint::page::{EmbedOptions, Kept, Precision};
 use crate::paint::{Canvas, Light, PageQuestion};
 
@@ -82,11 +82,12 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     if let Some(file) = &args.file {
         atomic::check_writable(file)?;
     }
-    let opening = Opening {
+    let settings = Settings {
+        channels: args.channels.into(),
         split_bounces: args.split_bounces,
-        ..Opening::new(&args.source, &args.trace).channels(args.channels)
+        ..settings(&args.source.view, &args.trace)
     };
-    let mut lab = opening.open(console)?;
+    let mut lab = builder(&args.source.source, settings, console).open()?;
     match &args.file {
         Some(file) => {
             let mut canvas = Canvas::new(&mut lab)?;
@@ -105,7 +106,7 @@ fn write_page(args: &EmbedArgs, file: &Path, canvas: &mut Canvas<'_>, console: &
         max_bytes: usize::try_from(args.max_size).ok(),
         kept: kept(args, canvas, console)?,
     };
-    let mut summary = embedded_page::write_with(file, canvas, &options, console)?;
+    let mut summary = embedded_page::write(file, canvas, &options, console)?;
     summary["verb"] = json!("paint");
     console.summary(&summary)?;
     Ok(Outcome::Done)
@@ -180,7 +181,7 @@ mod server {
         }
         console.say("          Ctrl-C ends it")?;
         if !args.no_browser && !is_remote {
-            crate::cli::opener::open_page(url, console);
+            crate::cli::opener::open(url, console);
         }
         Ok(())
     }

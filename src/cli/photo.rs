@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use super::Outcome;
 use super::asked::Asked;
 use super::console::Console;
-use super::opening::{Opening, Traced, in_journal, tell};
+use super::opening::{Traced, builder, in_journal, open_shown, settings, tell};
 use super::options::{KeepArgs, SourceArgs, free_file};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::Result;
 use crate::io::picture;
-use crate::lab::ChannelChoice;
+use crate::lab::{ChannelChoice, Settings};
 use crate::verbs::photo::{TakePhoto, WriteLabels};
 
 /// Where photos are kept and shown.
@@ -29,8 +29,9 @@ pub(super) fn run(args: &Asked<TakePhoto, Traced, Kept>, console: &Console) -> R
     files.iter().chain(&request.error).try_for_each(|file| picture::check_writable(file))?;
     let operator = request.operator(&before.source.source);
     let channels = request.channels.map_or(ChannelChoice::Native, Into::into);
-    let opening = before.opening().channels(channels).operator(&operator);
-    let mut lab = opening.open_shown(&after.live, console)?;
+    let settings = Settings { channels, operator, ..before.settings() };
+    let builder = builder(&before.source.source, settings, console);
+    let mut lab = open_shown(builder, &after.live, console)?;
     request.check_scale(lab.resolution())?;
     let pattern = request.pattern.image_for(&lab)?;
     in_journal(&mut lab, &after.keep, "photo", |lab| {
@@ -51,7 +52,8 @@ pub(super) fn labels(args: &Asked<WriteLabels, SourceArgs, ()>, console: &Consol
     let files = named_or_free(files, "labels");
     files.iter().try_for_each(|file| picture::check_writable(file))?;
     let trace = TraceArgs::for_looking(*size, adapter.clone());
-    let lab = Opening::new(&args.before, &trace).open(console)?;
+    let settings = settings(&args.before.view, &trace);
+    let lab = builder(&args.before.source, settings, console).open()?;
     tell("labels", &WriteLabels::ask(&lab, &files)?, true, console)
 }
 

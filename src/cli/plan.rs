@@ -3,12 +3,15 @@
 use super::Outcome;
 use super::asked::Asked;
 use super::console::Console;
-use super::opening::{Traced, tell};
+use super::opening::{Traced, builder, tell};
 use crate::error::Result;
+use crate::lab::Settings;
 use crate::verbs::Plan;
 
 pub(super) fn run(args: &Asked<Plan, Traced, ()>, console: &Console) -> Result<Outcome> {
-    args.request.check(&args.before.source.source)?;
-    let lab = args.before.opening().channels(args.request.channels()).open(console)?;
+    let source = &args.before.source.source;
+    args.request.check(source)?;
+    let settings = Settings { channels: args.request.channels(), ..args.before.settings() };
+    let lab = builder(source, settings, console).open()?;
     tell("plan", &args.request.ask(&lab)?, true, console)
 }

@@ -79,7 +79,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         Ok((outcome, message)) => {
             folder.close(Ok(&message))?;
             if args.run.open {
-                opener::open(&folder.path.join("report.html"), console);
+                opener::open(folder.path.join("report.html"), console);
             }
             Ok(outcome)
         }

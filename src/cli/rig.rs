@@ -9,8 +9,8 @@ use clap::Subcommand;
 use super::Outcome;
 use super::asked::Asked;
 use super::console::Console;
-use super::opening::{Opening, Traced, tell};
-use super::options::{SourceArgs, ViewArgs, free_file};
+use super::opening::{Traced, builder, settings, tell};
+use super::options::{ViewArgs, free_file};
 use super::progress::has_terminal;
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
@@ -22,7 +22,7 @@ use crate::image::Resolution;
 use crate::io::atomic;
 use crate::io::name::Name;
 use crate::io::raster::decode_srgb;
-use crate::lab::RigSource;
+use crate::lab::{LabBuilder, RigSource};
 use crate::report::content::Content;
 use crate::report::viewer::{Plane, Viewer};
 use crate::verbs::rig::{
@@ -30,14 +30,8 @@ use crate::verbs::rig::{
 };
 
 /// Measure and check the devices of a rig
-#[derive(clap::Args)]
-pub(super) struct Args {
-    #[command(subcommand)]
-    action: Action,
-}
-
 #[derive(Subcommand)]
-enum Action {
+pub(super) enum Action {
     List(ListDevices),
     Preview(Box<Asked<PreviewCamera, RigArgs, LiveArgs>>),
     Align(Box<Asked<Align, RigArgs, LiveArgs>>),
@@ -48,7 +42,7 @@ enum Action {
 
 /// Which rig.
 #[derive(clap::Args)]
-struct RigArgs {
+pub(super) struct RigArgs {
     /// A rig file (.toml), of real or virtual devices
     #[arg(value_name = "RIG")]
     rig: PathBuf,
@@ -62,13 +56,12 @@ impl RigArgs {
     fn source(&self, console: &Console) -> Result<RigSource> {
         require_rig(&self.rig, "RIG")?;
         let trace = TraceArgs::for_looking(None, self.adapter.clone());
-        let source = SourceArgs { source: self.rig.clone(), view: ViewArgs::default() };
-        Opening::new(&source, &trace).builder(console).open_uncalibrated_rig()
+        builder(&self.rig, settings(&ViewArgs::default(), &trace), console).open_uncalibrated_rig()
     }
 }
 
-pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    match &args.action {
+pub(super) fn run(action: &Action, console: &Console) -> Result<Outcome> {
+    match action {
         Action::List(request) => {
             let (content, is_found) = request.ask()?;
             tell("rig list", &content, is_found, console)
@@ -76,11 +69,11 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         Action::Preview(args) => preview(args, console),
         Action::Align(args) => align(args, console),
         Action::Calibrate(args) => {
-            let rig = opening(&args.before)?.builder(console).open_uncalibrated_rig()?;
+            let rig = rig_builder(&args.before, console)?.open_uncalibrated_rig()?;
             tell("rig calibrate", &args.request.ask(&rig)?.content(), true, console)
         }
         Action::FlatField(args) => {
-            let lab = opening(&args.before)?.open(console)?;
+            let lab = rig_builder(&args.before, console)?.open()?;
             // The source is a rig, since other sources were refused above.
             let rig = lab.rig().ok_or(Error::Interrupted)?;
             tell("rig flat-field", &MeasureSheet::ask(rig)?, true, console)
@@ -89,9 +82,9 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
 }
 
-fn opening(args: &Traced) -> Result<Opening<'_>> {
-    require_rig(&args.source.source, "SOURCE")?;
-    Ok(args.opening())
+fn rig_builder(args: &Traced, console: &Console) -> Result<LabBuilder> {
+    let source = &args.source.source;
+    require_rig(source, "SOURCE").map(|()| builder(source, args.settings(), console))
 }
 
 /// Prints each finding as soon as it is known.

@@ -14,14 +14,8 @@ use crate::lab::{KeptPhotos, KeptRun, text};
 use crate::report::index::{self as page, FoundRun};
 
 /// Show what runs take on the disk, or remove photos that can be computed again
-#[derive(clap::Args)]
-pub(super) struct Args {
-    #[command(subcommand)]
-    action: Action,
-}
-
 #[derive(Subcommand)]
-enum Action {
+pub(super) enum Action {
     /// List the runs below a folder: their size, and the size of the journal that holds their photos
     #[command(after_help = "Example:\n  krylux runs list out")]
     List(ListArgs),
@@ -36,14 +30,14 @@ enum Action {
 }
 
 #[derive(clap::Args)]
-struct ListArgs {
+pub(super) struct ListArgs {
     /// The folder
     #[arg(value_name = "FOLDER", default_value = "out")]
     folder: PathBuf,
 }
 
 #[derive(clap::Args)]
-struct PruneArgs {
+pub(super) struct PruneArgs {
     /// The folder
     #[arg(value_name = "FOLDER", default_value = "out")]
     folder: PathBuf,
@@ -52,8 +46,8 @@ struct PruneArgs {
     delete: bool,
 }
 
-pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    match &args.action {
+pub(super) fn run(action: &Action, console: &Console) -> Result<Outcome> {
+    match action {
         Action::List(args) => list(args, console),
         Action::Prune(args) => prune(args, console),
     }
@@ -163,11 +157,9 @@ pub(super) fn index(args: &IndexArgs, console: &Console) -> Result<Outcome> {
     }
     let runs = page::find(&args.folder)?;
     if runs.is_empty() {
-        return Err(Error::option(
-            args.folder.display().to_string(),
-            "holds no run: no folder in it has a run.json",
-        )
-        .help("name the folder that the folders of runs lie in, such as out"));
+        let fault = "holds no run: no folder in it has a run.json";
+        return Err(Error::option(args.folder.display().to_string(), fault)
+            .help("name the folder that the folders of runs lie in, such as out"));
     }
     let page = page::write(&args.folder, &runs)?;
     console.say(format_args!("runs      {}", runs.len()))?;

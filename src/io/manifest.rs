@@ -189,11 +189,8 @@ impl Verification {
     pub fn finding(&self) -> Finding {
         let grade = if self.is_passed() { Grade::Ok } else { Grade::Fails };
         let expected = format!("a chance of {} or more that a right answer is so far off", Self::LEVEL);
-        Finding::graded("check", grade, self.sentence(), expected, "").measured(
-            self.p_value,
-            0.0,
-            Self::LEVEL,
-        )
+        let finding = Finding::graded("check", grade, self.sentence(), expected, "");
+        finding.measured(self.p_value, 0.0, Self::LEVEL)
     }
 
     /// The verdict as a sentence without its full stop.

@@ -232,10 +232,8 @@ impl ModelArrays {
         let whole = |name: String| record.whole_file(&folder, &name);
         let mut channels = Vec::new();
         for (channel, of) in record.channels.iter().enumerate() {
-            let stack = |name: &str, size: Resolution| -> Result<Vec<Vec<f64>>> {
-                let path = whole(format!("{name}-{channel}.npy"))?;
-                let values = numbers(&path, &[of.photos, size.height, size.width])?;
-                Ok(values.chunks(size.pixels().max(1)).map(<[f64]>::to_vec).collect())
+            let stack = |name: &str, size: Resolution| {
+                pictures(&whole(format!("{name}-{channel}.npy"))?, of.photos, size)
             };
             let Resolution { width, height } = record.resolution;
             let direct = |extension| whole(format!("direct-{channel}.{extension}"));
@@ -302,11 +300,7 @@ impl CapturedArrays {
         [projector, camera]: [Resolution; 2],
         path: impl Fn(&str, &str) -> Result<PathBuf>,
     ) -> Result<Self> {
-        let rows = |values: Vec<f64>, size: Resolution| {
-            values.chunks(size.pixels().max(1)).map(<[f64]>::to_vec).collect::<Vec<_>>()
-        };
-        let patterns =
-            numbers(&path("captured", "npy")?, &[record.photos, projector.height, projector.width])?;
+        let patterns = pictures(&path("captured", "npy")?, record.photos, projector)?;
         let pixels = npy::read_npy(&path("pixels", "npy")?)?;
         if pixels.shape != [4, camera.height, camera.width] {
             return Err(unusable(&path("pixels", "npy")?, "its shape is not that of four pictures".into()));
@@ -322,8 +316,8 @@ impl CapturedArrays {
             return Err(unusable(&file, "it names photos or pixels that do not exist".into()));
         }
         Ok(Self {
-            patterns: rows(patterns, projector),
-            pixels: rows(pixels.values, camera),
+            patterns,
+            pixels: rows(&pixels.values, camera),
             missing,
             near: if record.has_near { Some(sparse::read(&path("near", "npz")?)?) } else { None },
             scales: record.scales.clone(),
@@ -369,6 +363,15 @@ fn read_record(path: &Path) -> Result<Record> {
         return Err(unusable(path, "it is not what was written: its digest is another one".into()));
     }
     Ok(record)
+}
+
+/// Reads `count` pictures of one size, each as an array of its own. Fails as [`numbers`].
+fn pictures(path: &Path, count: usize, size: Resolution) -> Result<Vec<Vec<f64>>> {
+    Ok(rows(&numbers(path, &[count, size.height, size.width])?, size))
+}
+
+fn rows(values: &[f64], size: Resolution) -> Vec<Vec<f64>> {
+    values.chunks(size.pixels().max(1)).map(<[f64]>::to_vec).collect()
 }
 
 /// Reads an array, and checks that its shape is `shape` and its values are finite.

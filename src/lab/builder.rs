@@ -24,7 +24,7 @@ pub struct LabBuilder {
 }
 
 #[derive(Clone)]
-enum Origin {
+pub(super) enum Origin {
     File(PathBuf),
     Scene(Box<Scene>),
     Editable(Arc<EditableScene>),
@@ -32,29 +32,13 @@ enum Origin {
 }
 
 impl LabBuilder {
-    pub(super) fn new(path: &Path) -> Self {
-        Self::of(Origin::File(path.to_path_buf()))
-    }
-
-    pub(super) fn of_scene(scene: Scene) -> Self {
-        Self::of(Origin::Scene(Box::new(scene)))
-    }
-
-    pub(super) fn of_editable(scene: Arc<EditableScene>) -> Self {
-        Self::of(Origin::Editable(scene))
-    }
-
-    pub(super) fn of_matrix(matrix: MatrixFile, name: String) -> Self {
-        Self::of(Origin::Matrix(Box::new(matrix), name))
-    }
-
     pub(super) fn of_rig(name: &Path, text: String) -> Self {
-        let mut builder = Self::new(name);
+        let mut builder = Self::of(Origin::File(name.to_path_buf()));
         builder.program.text = Some(text);
         builder
     }
 
-    fn of(origin: Origin) -> Self {
+    pub(super) fn of(origin: Origin) -> Self {
         let (settings, observer, program) = Default::default();
         Self { origin, settings, observer, run: None, program }
     }

@@ -293,11 +293,8 @@ fn require_plain_files(folder: &Path) -> Result<()> {
             FileKind::Link => "a link",
             FileKind::Other => "a device or a pipe",
         };
-        return Err(Error::option(
-            "-o",
-            format!("{} is {what}, and a run has only files of its own", path.display()),
-        )
-        .help("remove it, or name another folder"));
+        let fault = format!("{} is {what}, and a run has only files of its own", path.display());
+        return Err(Error::option("-o", fault).help("remove it, or name another folder"));
     }
     Ok(())
 }

@@ -68,15 +68,10 @@ impl KeptRun {
     pub fn delete_photos(&self) -> Result<u64> {
         let _lock = lock(&self.path)?;
         // The status is read again, because the run or its scene may have changed since the search.
-        match Self::at(&self.path).map(|now| now.photos) {
-            Some(KeptPhotos::Recomputable) => {}
-            _ => {
-                return Err(Error::option(
-                    "FOLDER",
-                    format!("the photos in {} cannot be computed again", self.path.display()),
-                )
-                .help("delete the folder yourself if you do not need them"));
-            }
+        if Self::at(&self.path).is_none_or(|now| now.photos != KeptPhotos::Recomputable) {
+            let fault = format!("the photos in {} cannot be computed again", self.path.display());
+            let help = "delete the folder yourself if you do not need them";
+            return Err(Error::option("FOLDER", fault).help(help));
         }
         let journal = journal_folder(&self.path);
         std::fs::remove_dir_all(&journal).map_err(Error::writing(&journal))?;

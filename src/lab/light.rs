@@ -9,7 +9,7 @@ use super::transport::{self, LightTransport};
 use super::{Lab, LabOperator};
 use crate::error::{Error, Result};
 use crate::io::manifest::ProductsOn;
-use crate::operator::{Operator, Symmetry};
+use crate::operator::{Operator, Symmetry, product};
 use crate::render::TraceSummary;
 use crate::sparse::Csr;
 use crate::transport::{Assembled, Noise, Part};
@@ -110,10 +110,9 @@ impl Lab {
 
     /// The product of a part of the light with a white pattern, for each channel.
     pub(crate) fn white_of(&mut self, part: Part) -> Result<Vec<Vec<f64>>> {
-        let white = |mut operator: LabOperator| -> Result<Vec<f64>> {
-            let mut photo = vec![0.0; operator.rows()];
-            operator.apply(&vec![1.0; operator.cols()], &mut photo)?;
-            Ok(photo)
+        let white = |mut operator: LabOperator| {
+            let pattern = vec![1.0; operator.cols()];
+            product(&mut operator, &pattern)
         };
         self.reference_operators(part)?.into_iter().map(white).collect()
     }

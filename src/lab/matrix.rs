@@ -33,11 +33,9 @@ impl Lab {
             return self.matrices_in_memory(part, split_bounces, photos);
         }
         if split_bounces {
-            return Err(Error::option(
-                "--split-bounces",
-                "a photo does not tell how often its light has bounced",
-            )
-            .help("give --part direct or --part global, which are told apart by shifted patterns"));
+            let fault = "a photo does not tell how often its light has bounced";
+            return Err(Error::option("--split-bounces", fault)
+                .help("give --part direct or --part global, which are told apart by shifted patterns"));
         }
         let resolution = self.projector_resolution();
         brute_force::check_photos(resolution, self.channels(), photos)?;
@@ -114,11 +112,10 @@ impl Lab {
     }
 
     fn direct_or_all(&mut self) -> Result<Vec<Csr>> {
-        let light = match self.matrices_of(Part::Direct)? {
-            Some(direct) => Some(direct),
-            None => self.matrices_of(Part::Full)?,
-        };
-        Ok(light.unwrap_or_default())
+        match self.matrices_of(Part::Direct)? {
+            Some(direct) => Ok(direct),
+            None => Ok(self.matrices_of(Part::Full)?.unwrap_or_default()),
+        }
     }
 
     /// The projector pixel that lights each camera pixel most; `None` if it is the pixel at the same place. The photos of a calibrated rig
@@ -147,11 +144,8 @@ impl Lab {
             _ => self.direct_or_all()?,
         };
         let Some(direct) = direct.first() else {
-            return Err(Error::option(
-                "--operator",
-                "photos and patterns have different pixels, and without a matrix the map between them is not known",
-            )
-            .help("use --operator replay, or give the scene"));
+            let fault = "photos and patterns have different pixels, and without a matrix the map between them is not known";
+            return Err(Error::option("--operator", fault).help("use --operator replay, or give the scene"));
         };
         let light = map_to_projector(direct).transposed();
         let home = |row: usize| {
@@ -174,14 +168,13 @@ impl Lab {
         let sizes = [self.resolution(), self.projector_resolution()];
         match self.homes()? {
             Some(homes) => epipolar_lines_of_map(&homes, sizes),
-            None => Err(Error::option(
-                "--mask",
-                format!(
+            None => {
+                let fault = format!(
                     "epipolar lines need the poses of camera and projector, or a map between their pictures, which {} does not have",
                     self.name()
-                ),
-            )
-            .help("give the scene, or a mask's weights in a file")),
+                );
+                Err(Error::option("--mask", fault).help("give the scene, or a mask's weights in a file"))
+            }
         }
     }
 
@@ -192,11 +185,12 @@ impl Lab {
         let sizes = [self.resolution(), self.projector_resolution()];
         let lines = projector.and_then(|projector| epipolar_lines(camera, projector, sizes));
         match (lines, &self.source) {
-            (None, _) => Err(Error::option(
-                "--mask",
-                "a coaxial rig has no epipolar lines: the line of every projector pixel is a point",
-            )
-            .help("give a scene whose projector stands apart, or another mask")),
+            (None, _) => {
+                let fault =
+                    "a coaxial rig has no epipolar lines: the line of every projector pixel is a point";
+                let help = "give a scene whose projector stands apart, or another mask";
+                Err(Error::option("--mask", fault).help(help))
+            }
             (Some([_, lit]), Source::Rig(rig)) if rig.is_calibrated => Ok(Some([lit.clone(), lit])),
             (Some(lines), _) => Ok(Some(lines)),
         }

@@ -52,18 +52,16 @@ pub(super) fn measured(
     frames: Box<dyn FrameSource>,
     calibration: &Calibration,
     file: &RigFile,
-    (channels, symmetry): (Option<Channels>, Symmetry),
+    (channels, is_symmetric): (Option<Channels>, bool),
 ) -> Result<MeasuredRig> {
+    let symmetry = if is_symmetric { Symmetry::Symmetric } else { Symmetry::General };
     let mut measurement =
         Measurement::new(frames, calibration.clone(), file.measurement.clone())?.declared(symmetry);
     match channels {
         Some(Channels::Luma) => measurement = measurement.in_luma(),
         Some(Channels::Rgb) if measurement.channels() != 3 => {
-            return Err(Error::option(
-                "--channels",
-                format!("the camera of {} sees no colours", file.path.display()),
-            )
-            .help("give --channels luma"));
+            let fault = format!("the camera of {} sees no colours", file.path.display());
+            return Err(Error::option("--channels", fault).help("give --channels luma"));
         }
         _ => {}
     }

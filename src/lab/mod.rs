@@ -55,6 +55,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 pub use builder::LabBuilder;
+use builder::Origin;
 pub use folder::{RunFolder, RunOptions};
 pub use kept::{KeptPhotos, KeptRun};
 pub use look::look;
@@ -68,11 +69,11 @@ pub use run_model::open_model;
 pub use settings::{
     CacheChoice, ChannelChoice, OperatorChoice, OperatorSettings, Settings, TraceOverrides, View,
 };
-pub(crate) use settings::{byte_count, size};
+pub(crate) use settings::{byte_count, first_given, number, size};
 pub use shards::{JoinedShards, Scaling, TracedShard, join_shards};
+pub(crate) use source::not_a_rig;
 pub use source::{RigSource, SourceKind};
 pub use verb::{Answer, GivenArray, Saved, Verb, Verified};
-pub use verification::VerifiedEigenpairs;
 
 pub use crate::analysis::segment::Truth;
 use crate::error::{Error, Result};
@@ -123,23 +124,23 @@ impl Lab {
 
     /// Opens a source with settings.
     pub fn builder(path: impl AsRef<Path>) -> LabBuilder {
-        LabBuilder::new(path.as_ref())
+        LabBuilder::of(Origin::File(path.as_ref().to_path_buf()))
     }
 
     /// A laboratory around a scene that a program made, for example a loaded scene with another material.
     pub fn builder_of_scene(scene: Scene) -> LabBuilder {
-        LabBuilder::of_scene(scene)
+        LabBuilder::of(Origin::Scene(Box::new(scene)))
     }
 
     /// A laboratory around a scene that a program made or changed. A run keeps the scene as `scene.glb` in its folder. What is the same in the
     /// scene that was opened before is used again: the search tree, the compiled kernels, and matrices in the cache.
     pub fn builder_of_editable(scene: impl Into<Arc<EditableScene>>) -> LabBuilder {
-        LabBuilder::of_editable(scene.into())
+        LabBuilder::of(Origin::Editable(scene.into()))
     }
 
     /// A laboratory around a matrix that a program made, with settings. `name` is used in titles.
     pub fn builder_of_matrix(matrix: impl Into<MatrixFile>, name: impl Into<String>) -> LabBuilder {
-        LabBuilder::of_matrix(matrix.into(), name.into())
+        LabBuilder::of(Origin::Matrix(Box::new(matrix.into()), name.into()))
     }
 
     /// A laboratory around a rig whose file a program wrote. A run keeps `text`, the content of the file. `name` replaces the file's path.

@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::image::Resolution;
 use crate::io::name;
-use crate::operator::Symmetry;
 use crate::transport::Part;
 
 /// The names of a journal's notes.
@@ -32,12 +31,6 @@ pub(super) struct SourceNote {
     pub(super) patterns: Resolution,
     pub(super) symmetric: bool,
     pub(super) channels: usize,
-}
-
-impl SourceNote {
-    pub(super) fn symmetry(&self) -> Symmetry {
-        if self.symmetric { Symmetry::Symmetric } else { Symmetry::General }
-    }
 }
 
 /// The kind of source that gave the photos.

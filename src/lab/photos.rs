@@ -140,10 +140,8 @@ impl Lab {
     ) -> Result<T> {
         let found = self.timed("photos", work);
         let is_complete = found.as_ref().is_ok_and(is_complete);
-        let record = match &self.transport {
-            Some(transport) => lock(transport).record(is_complete)?,
-            None => None,
-        };
+        let record = self.transport.as_ref().map(|transport| lock(transport).record(is_complete));
+        let record = record.transpose()?.flatten();
         // A replayed run keeps the findings from all of its photos, even if this request does not need all of them.
         self.findings = self.source.findings();
         if let Some(mut rig) = record {

@@ -100,11 +100,9 @@ fn from_photos(run: &RunSource, observer: &SharedObserver) -> Result<SavedModel>
             Some(direct) => direct,
             None if global.is_empty() => estimated(&full, observer)?,
             None => {
-                return Err(Error::journal(
-                    &note.path,
-                    "the run kept photos without direct light, but not the direct light itself",
-                )
-                .help("run it anew with this version of krylux, or give the scene"));
+                let fault = "the run kept photos without direct light, but not the direct light itself";
+                return Err(Error::journal(&note.path, fault)
+                    .help("run it anew with this version of krylux, or give the scene"));
             }
         };
         let less_direct = full.into_iter().map(|mut product: Product| {

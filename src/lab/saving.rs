@@ -78,9 +78,8 @@ impl Lab {
     /// [`Error::Option`] if no run is open; otherwise as [`Lab::save`].
     pub fn finish(&mut self, answer: &(impl Answer + ?Sized)) -> Result<Saved> {
         let Some(mut run) = self.run.take() else {
-            return Err(
-                Error::option("-o", "no run is open").help("name the folder: lab.save(folder, &answer)")
-            );
+            let help = "name the folder: lab.save(folder, &answer)";
+            return Err(Error::option("-o", "no run is open").help(help));
         };
         let written = self.write(answer, &mut run);
         match &written {

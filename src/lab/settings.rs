@@ -1,6 +1,7 @@
 //! The settings of a source, with their defaults.
 
 use std::path::PathBuf;
+use std::str::FromStr;
 use std::sync::Arc;
 
 use crate::cache::{self, Cache};
@@ -54,13 +55,18 @@ impl Settings {
             (self.operator.backend != Backend::Auto, "--products"),
             (self.operator.memory.is_some(), "--memory"),
         ];
-        given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
+        first_given(&given)
     }
 
     /// The limit of memory for a matrix or a photo, in bytes.
     pub(super) fn memory_limit(&self) -> u64 {
         self.operator.memory.unwrap_or_else(|| machine::memory() / 2)
     }
+}
+
+/// The name of the first option that is given.
+pub(crate) fn first_given<'a>(options: &[(bool, &'a str)]) -> Option<&'a str> {
+    options.iter().find(|(is_given, _)| *is_given).map(|(_, name)| *name)
 }
 
 /// Where camera and projector stand.
@@ -89,7 +95,7 @@ impl View {
             (self.camera_file.is_some(), "--camera-file"),
             (self.strict, "--strict"),
         ];
-        given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
+        first_given(&given)
     }
 
     /// The options that load a scene with this view.
@@ -209,7 +215,7 @@ pub struct TraceOverrides {
     pub photons: Option<u32>,
     /// How far around a point such chains count: 1 is what a pixel sees through its chain; smaller is sharper, and noisier
     /// [default: 1]
-    #[arg(id = "gather_radius", long = "gather-radius", value_name = "R", value_parser = radius)]
+    #[arg(id = "gather_radius", long = "gather-radius", value_name = "R", value_parser = number::<f32>)]
     pub radius: Option<f32>,
     /// Pixels of a projector that stands apart from the camera, or of the patterns of a matrix [default: those of the camera]
     #[arg(id = "projector_size", long = "projector-size", value_name = "N|WxH", value_parser = size)]
@@ -226,8 +232,9 @@ pub(crate) fn size(text: &str) -> Result<Resolution, String> {
     Ok(Resolution::new(side(width)?, side(height)?))
 }
 
-fn radius(text: &str) -> Result<f32, String> {
-    let number = text.trim().parse::<f32>().ok().filter(|number| !number.is_nan());
+/// Parses a number for any option. It may be infinite. NaN is refused, since it would pass every comparison with a bound.
+pub(crate) fn number<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<T, String> {
+    let number = text.trim().parse::<T>().ok().filter(|&number| !number.into().is_nan());
     number.ok_or_else(|| format!("`{text}` is not a number; write one as in 0.5 or 1e-6"))
 }
 
@@ -260,8 +267,8 @@ pub(crate) fn byte_count(text: &str) -> Result<u64, String> {
 }
 
 impl TraceOverrides {
-    /// Replaces fields of `settings` by the given values. The seed stays.
-    fn over(&self, settings: TraceSettings) -> TraceSettings {
+    /// The settings for the scene of a virtual rig whose file contains `settings`. Its seed is kept, so equal devices see equal scenes.
+    pub fn for_rig(&self, settings: TraceSettings) -> TraceSettings {
         TraceSettings {
             resolution: self.resolution.unwrap_or(settings.resolution),
             projector: self.projector.or(settings.projector),
@@ -280,12 +287,7 @@ impl TraceOverrides {
     /// The settings for a scene.
     pub fn for_scene(&self) -> TraceSettings {
         let seed = self.seed.unwrap_or(0);
-        TraceSettings { seed, ..self.over(TraceSettings::new(Resolution::new(128, 128), 64)) }
-    }
-
-    /// The settings for the scene of a virtual rig whose file contains `settings`. Its seed is kept, so equal devices see equal scenes.
-    pub fn for_rig(&self, settings: TraceSettings) -> TraceSettings {
-        self.over(settings)
+        TraceSettings { seed, ..self.for_rig(TraceSettings::new(Resolution::new(128, 128), 64)) }
     }
 
     /// The seed of starting vectors and of every other random choice outside of the tracer.
@@ -305,7 +307,7 @@ impl TraceOverrides {
             (self.radius.is_some(), "--gather-radius"),
             (self.projector.is_some(), "--projector-size"),
         ];
-        given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
+        first_given(&given)
     }
 }
 

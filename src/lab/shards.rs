@@ -210,11 +210,9 @@ fn require_one_matrix(files: Vec<ShardFile>) -> Result<Vec<ShardFile>> {
     else {
         return Ok(files);
     };
-    let error = Error::data(
-        files[at].path(),
-        format!("it is not of the same matrix as {}: {}", first.path().display(), found.join("; ")),
-    )
-    .help("join shards of the same scene, traced with equal options, drivers and programs");
+    let fault = format!("it is not of the same matrix as {}: {}", first.path().display(), found.join("; "));
+    let error = Error::data(files[at].path(), fault)
+        .help("join shards of the same scene, traced with equal options, drivers and programs");
     // The record of a damaged file may be wrong, so both files are checked for damage before the mismatch is reported.
     files
         .into_iter()
@@ -229,13 +227,11 @@ fn require_all_parts(files: &[ShardFile]) -> Result<()> {
     let there: BTreeSet<usize> = files.iter().map(|file| file.record().part).collect();
     let missing: Vec<usize> = (1..=parts).filter(|part| !there.contains(part)).collect();
     let Some(first) = missing.first() else { return Ok(()) };
-    let (what, them) = if missing.len() == 1 { ("part", "it") } else { ("parts", "them") };
-    let fault = format!(
-        "{what} {} of {parts} {} missing",
-        ranges(&missing),
-        if missing.len() == 1 { "is" } else { "are" }
-    );
-    let and = if missing.len() == 1 { "" } else { ", and so on" };
+    let [what, is, them, and] = match missing.len() {
+        1 => ["part", "is", "it", ""],
+        _ => ["parts", "are", "them", ", and so on"],
+    };
+    let fault = format!("{what} {} of {parts} {is} missing", ranges(&missing));
     Err(Error::option("SHARDS", fault)
         .help(format!("trace {them} as the others, with --shard {first}/{parts}{and}, and join all files")))
 }
@@ -259,25 +255,21 @@ fn require_memory(files: &[ShardFile]) -> Result<()> {
     if bytes <= memory {
         return Ok(());
     }
-    Err(Error::option(
-        "SHARDS",
-        format!(
-            "they take {} together, and this machine has {} of memory",
-            text::bytes(bytes),
-            text::bytes(memory)
-        ),
-    )
-    .help("join them on a machine with more memory, or let a team of processes keep the matrix (MPI)"))
+    let fault = format!(
+        "they take {} together, and this machine has {} of memory",
+        text::bytes(bytes),
+        text::bytes(memory)
+    );
+    Err(Error::option("SHARDS", fault)
+        .help("join them on a machine with more memory, or let a team of processes keep the matrix (MPI)"))
 }
 
 /// The error for two shards of the same part with different light paths.
 fn contradiction(path: PathBuf, first: &Path, record: &ShardRecord) -> Error {
     let ShardRecord { part, parts, .. } = record;
-    Error::data(
-        path,
-        format!("it is part {part} of {parts} as {} is, but with other light paths", first.display()),
-    )
-    .help(format!("one of them is wrong: trace both again, with --shard {part}/{parts}, and join one"))
+    let fault = format!("it is part {part} of {parts} as {} is, but with other light paths", first.display());
+    Error::data(path, fault)
+        .help(format!("one of them is wrong: trace both again, with --shard {part}/{parts}, and join one"))
 }
 
 /// The predicted time and memory of several processes, from a probe of this machine.

@@ -12,7 +12,7 @@ use crate::machine;
 use crate::observer::{Estimate, Level, Step};
 use crate::render::TraceSummary;
 use crate::scene::{self, LoadOptions, Scene, Watcher};
-use crate::transport::{Assembled, Noise};
+use crate::transport::Assembled;
 
 pub(super) fn load(path: &Path, options: LoadOptions<'_>, observer: &SharedObserver) -> Result<Scene> {
     let told = |share: f32| told(observer, READING * share);
@@ -49,16 +49,14 @@ fn require_memory(scene: &Scene, most: u64) -> Result<()> {
     if needed <= most {
         return Ok(());
     }
-    Err(Error::scene(
-        &scene.path,
-        format!(
-            "its {} triangles take about {} of memory, more than the {} that there are",
-            grouped(scene.triangles.len() as u64),
-            bytes(needed),
-            bytes(most)
-        ),
-    )
-    .help("simplify the meshes, place fewer of them, or use a machine with more memory"))
+    let fault = format!(
+        "its {} triangles take about {} of memory, more than the {} that there are",
+        grouped(scene.triangles.len() as u64),
+        bytes(needed),
+        bytes(most)
+    );
+    Err(Error::scene(&scene.path, fault)
+        .help("simplify the meshes, place fewer of them, or use a machine with more memory"))
 }
 
 /// The fraction of the loading progress that counts for reading the files. Building the search tree counts for the rest.
@@ -112,11 +110,7 @@ pub(super) fn report_matrix(traced: &Assembled, start: Instant, observer: &Share
         traced.matrix.bytes() as f64 / f64::from(1 << 20),
         start.elapsed().as_secs_f64()
     ));
-    report_noise(traced.noise.as_ref(), observer);
-}
-
-fn report_noise(noise: Option<&Noise>, observer: &SharedObserver) {
-    let Some(noise) = noise else { return };
+    let Some(noise) = &traced.noise else { return };
     observer.info(format_args!(
         "noise     {} % of the white photo, {} % of the matrix, {} % without direct light",
         percent(noise.white_relative),

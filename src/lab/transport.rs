@@ -133,10 +133,9 @@ impl LightTransport {
         Ok(match (&self.engine, &mut self.journal) {
             (Engine::Replayed(traced), _) => product_noise(traced),
             (Engine::Explicit(parts), _) => parts.noise(),
-            (Engine::JournalOnly, Some(journal)) => match journal.read_note(notes::NOISE)? {
-                Some(text) => serde_json::from_slice(&text).ok(),
-                None => None,
-            },
+            (Engine::JournalOnly, Some(journal)) => {
+                journal.read_note(notes::NOISE)?.and_then(|text| serde_json::from_slice(&text).ok())
+            }
             _ => None,
         })
     }
@@ -305,11 +304,9 @@ impl LightTransport {
     pub(super) fn primaries(&mut self) -> Result<[[Vec<f64>; 3]; 3]> {
         if let Engine::Measured(rig) = &mut self.engine {
             return rig.measurement.primaries()?.ok_or_else(|| {
-                Error::option(
-                    "--crosstalk",
-                    "a projector and a camera of three channels each mix colours, and one of these is gray",
-                )
-                .help("leave it out")
+                let fault =
+                    "a projector and a camera of three channels each mix colours, and one of these is gray";
+                Error::option("--crosstalk", fault).help("leave it out")
             });
         }
         let (resolution, ambient) = (self.shape.patterns, self.ambient()?);
@@ -339,11 +336,9 @@ impl LightTransport {
             return Image::new(resolution, samples.len() / resolution.pixels().max(1), samples);
         }
         if let Engine::JournalOnly = self.engine {
-            return Err(Error::not_taken(
-                journal.path(),
-                format!("the photo `{name}` is not among its {}, and there is no scene", journal.photos()),
-            )
-            .help("give the scene, with -o and --resume"));
+            let fault =
+                format!("the photo `{name}` is not among its {}, and there is no scene", journal.photos());
+            return Err(Error::not_taken(journal.path(), fault).help("give the scene, with -o and --resume"));
         }
         let image = take(&mut self.engine)?;
         let bytes: Vec<u8> = image.samples().iter().flat_map(|sample| sample.to_le_bytes()).collect();

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::{ChannelChoice, Lab, RunFolder};
 use crate::analysis::EigenpairEstimate;
+use crate::analysis::segment::KEPT;
 use crate::error::{Error, Result};
 use crate::finding::Finding;
 use crate::image::{Image, Resolution};
@@ -142,12 +143,16 @@ pub trait Answer {
 }
 
 /// A verification of an answer by light that is independent of the answer.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Verified {
     /// The accuracy of the predicted photos.
     pub verification: Verification,
-    /// Estimates of the scene's eigenvalues, for eigenpairs and segmentations (without the first eigenvalue, which is known).
+    /// Estimates of the scene's eigenvalues, for eigenpairs and segmentations (without the first eigenvalue, which is known). There are none
+    /// for a rig, since its photo shows all pairs together.
     pub estimates: Vec<EigenpairEstimate>,
+    /// For each number of groups, the fraction of the pixels that independent light assigns to the same group as the segmentation. It
+    /// limits the confidence of the labels, and is 0 if the verification fails.
+    pub supported: Vec<(usize, f64)>,
     /// The distance of a compensation from its target.
     pub residual: Option<f64>,
     /// The photo of a compensation's pattern, and the standard error of each of its samples.
@@ -156,7 +161,17 @@ pub struct Verified {
 
 impl From<Verification> for Verified {
     fn from(verification: Verification) -> Self {
-        Self { verification, estimates: Vec::new(), residual: None, photo: None }
+        let (estimates, supported) = (Vec::new(), Vec::new());
+        Self { verification, estimates, supported, residual: None, photo: None }
+    }
+}
+
+impl Verified {
+    /// The number of eigenvectors that are only noise of the matrix, in a segmentation that counts `regions` regions. Under independent
+    /// light, such an eigenvector keeps a smaller fraction of its light than [`KEPT`].
+    pub fn refuted(&self, regions: usize) -> usize {
+        let counted = self.estimates.iter().take(regions.saturating_sub(1));
+        counted.filter(|estimate| estimate.quotient[0] + 2.0 * estimate.quotient[1] < KEPT).count()
     }
 }
 

@@ -6,7 +6,7 @@ use crate::analysis::planes::{self, Planes};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::lab::{ExportedMatrix, Lab, LabOperator, SourceKind};
-use crate::operator::{Adjoint, Operator};
+use crate::operator::{Adjoint, Operator, product};
 use crate::sparse::Csr;
 use crate::transport::Part;
 
@@ -145,12 +145,8 @@ impl<'a> Canvas<'a> {
         }
         let photo = match light.part() {
             Some(part) => {
-                let product = |(operator, pattern): (&mut LabOperator, &Vec<f64>)| {
-                    let mut photo = vec![0.0; operator.rows()];
-                    operator.apply(pattern, &mut photo)?;
-                    Ok(photo)
-                };
-                self.operators(part)?.iter_mut().zip(pattern).map(product).collect::<Result<Planes>>()?
+                let photo = |(of, pattern): (&mut LabOperator, &Vec<f64>)| product(of, pattern);
+                self.operators(part)?.iter_mut().zip(pattern).map(photo).collect::<Result<Planes>>()?
             }
             None => {
                 let mut photo = vec![vec![0.0; self.camera().pixels()]; self.channels()];

@@ -92,11 +92,9 @@ impl Embedded {
     /// [`Canvas::photo`].
     pub fn new(canvas: &mut Canvas<'_>, options: &EmbedOptions) -> Result<Self> {
         if canvas.layers().is_empty() {
-            return Err(Error::option(
-                "-o",
-                "a page without server holds the light transport matrix, and this source has none in memory",
-            )
-            .help("give a scene or a matrix, or serve the page"));
+            let fault =
+                "a page without server holds the light transport matrix, and this source has none in memory";
+            return Err(Error::option("-o", fault).help("give a scene or a matrix, or serve the page"));
         }
         let most = options.max_bytes.unwrap_or(usize::MAX);
         let parts = Parts::new(canvas, options)?;
@@ -142,16 +140,13 @@ impl Embedded {
 
 fn too_large(bytes: usize, most: usize) -> Error {
     let mebibytes = |bytes: usize| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20));
-    Error::option(
-        "--max-size",
-        format!(
-            "the page takes {} with {} % of the matrix's entries, more than {}",
-            mebibytes(bytes),
-            100.0 * LEAST_SHARE,
-            mebibytes(most)
-        ),
-    )
-    .help("use a smaller --size, or allow more")
+    let fault = format!(
+        "the page takes {} with {} % of the matrix's entries, more than {}",
+        mebibytes(bytes),
+        100.0 * LEAST_SHARE,
+        mebibytes(most)
+    );
+    Error::option("--max-size", fault).help("use a smaller --size, or allow more")
 }
 
 /// The largest relative error of four photos due to the storage of the matrix.

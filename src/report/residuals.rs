@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::html::Block;
-use super::plot::{LinePlot, Series};
+use super::plot::{LinePlot, line};
 
 /// A number of photos, and the residual after these photos.
 pub(crate) type Row = (usize, f64);
@@ -39,10 +39,8 @@ pub(crate) fn multiples(
 }
 
 fn lines_of(count: &str, lines: &[(&str, &[Row])], marks: Vec<(f64, String)>) -> LinePlot {
-    let series = |(name, history): &(&str, &[Row])| Series {
-        name: (*name).to_owned(),
-        points: history.iter().map(|(photo, residual)| (*photo as f64, *residual)).collect(),
-    };
+    let at = |(photo, residual): &Row| (*photo as f64, *residual);
+    let series = |(name, history): &(&str, &[Row])| line(*name, history.iter().map(at));
     LinePlot {
         x_label: count.into(),
         y_label: "relative residual".into(),

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::options::{count, defaults, number};
+use super::options::{count, number};
 use crate::bench::audit::{AuditOptions, AuditReport, Exact, audit};
 use crate::error::{Error, Result};
 use crate::finding::Finding;
@@ -30,12 +30,6 @@ pub struct Audit {
     pub asymmetry: f64,
 }
 
-impl Default for Audit {
-    fn default() -> Self {
-        defaults()
-    }
-}
-
 impl Audit {
     fn options(&self, seed: u64) -> AuditOptions {
         let Self { patterns, tolerance, asymmetry } = *self;
@@ -56,13 +50,8 @@ impl Verb for Audit {
     }
 
     fn check_on(&self, lab: &Lab) -> Result<()> {
-        match lab.folder_of_run() {
-            Some(folder) => {
-                Err(Error::data(folder, "its photos do not answer this verb")
-                    .help("give the scene or the rig"))
-            }
-            None => Ok(()),
-        }
+        let Some(folder) = lab.folder_of_run() else { return Ok(()) };
+        Err(Error::data(folder, "its photos do not answer this verb").help("give the scene or the rig"))
     }
 
     /// Checks the operator and the devices of a rig. No photos are kept, since an audit compares two photos of the same pattern.

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::options::defaults;
 use crate::analysis::LowRank;
 use crate::analysis::captures::{CapturedLight, LeftOut, Prior};
 use crate::error::{Error, Result};
@@ -35,12 +34,6 @@ pub struct Import {
     #[arg(long, value_enum)]
     #[serde(skip)]
     pub channels: Option<Channels>,
-}
-
-impl Default for Import {
-    fn default() -> Self {
-        defaults()
-    }
 }
 
 impl Verb for Import {
@@ -191,30 +184,24 @@ impl Answer for Imported {
     }
 
     fn findings(&self) -> Vec<Finding> {
+        const PHOTOS: &str = "left-out photos";
         let help = "capture more patterns, or patterns of more kinds: coarse and fine, random and smooth";
         let by_mean = Ratio::of(self.root(|left| left.error), self.root(|left| left.by_mean), 0.0);
         let by_mean = by_mean.value().unwrap_or(f64::INFINITY);
         let mut found = vec![match (self.error().value(), self.noise().value(), self.noise_is_known()) {
-            (Some(_), ..) if by_mean > OF_MEAN => Finding::graded(
-                "left-out photos",
-                Grade::Fails,
-                format!("predicted with {} times the error of a mean photo", decimal(by_mean, 2)),
-                format!("at most {OF_MEAN}"),
-                "check that each photo belongs to its pattern, and the responses; or capture more patterns",
-            ),
-            (Some(error), Some(noise), true) => Finding::at_most(
-                "left-out photos",
-                [error / noise, 0.0, OF_NOISE],
-                Grade::Warning,
-                format!("predicted within {} times the noise of a photo", decimal(error / noise, 2)),
-                format!("at most {OF_NOISE}"),
-                help,
-            ),
-            (Some(error), ..) => Finding::ok(
-                "left-out photos",
-                format!("predicted within {}", percentage(Ratio::of(error, 1.0, 0.0))),
-            ),
-            _ => Finding::unmeasured("left-out photos", "they are dark"),
+            (Some(_), ..) if by_mean > OF_MEAN => {
+                let found = format!("predicted with {} times the error of a mean photo", decimal(by_mean, 2));
+                let help = "check that each photo belongs to its pattern, and the responses; or capture more patterns";
+                Finding::graded(PHOTOS, Grade::Fails, found, format!("at most {OF_MEAN}"), help)
+            }
+            (Some(error), Some(noise), true) => {
+                let ratio = error / noise;
+                let found = format!("predicted within {} times the noise of a photo", decimal(ratio, 2));
+                let expected = format!("at most {OF_NOISE}");
+                Finding::at_most(PHOTOS, [ratio, 0.0, OF_NOISE], Grade::Warning, found, expected, help)
+            }
+            (Some(error), ..) => Finding::ok(PHOTOS, format!("predicted within {}", percentage(error))),
+            _ => Finding::unmeasured(PHOTOS, "they are dark"),
         }];
         let z = self.z();
         let grade = match z {
@@ -222,13 +209,11 @@ impl Answer for Imported {
             z if z <= FALSE => Grade::Warning,
             _ => Grade::Fails,
         };
-        found.push(Finding::graded(
-            "stated errors",
-            grade,
-            format!("photos that were left out differ by {} times their stated errors", decimal(z, 2)),
-            format!("{} to {}", STATED[0], STATED[1]),
-            "the captures do not follow the model: check the responses, the exposures and the map",
-        ));
+        let differ =
+            format!("photos that were left out differ by {} times their stated errors", decimal(z, 2));
+        let expected = format!("{} to {}", STATED[0], STATED[1]);
+        let help = "the captures do not follow the model: check the responses, the exposures and the map";
+        found.push(Finding::graded("stated errors", grade, differ, expected, help));
         if !self.noise_is_known() {
             let because = "no photo was repeated; the fit estimates it";
             found.push(Finding::unmeasured("noise of a photo", because));

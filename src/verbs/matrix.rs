@@ -162,7 +162,8 @@ fn write(
 ) -> Result<Content<'static>> {
     let (mut content, mut files, mut nonzeros) = (Content::default(), Vec::new(), Vec::new());
     let mut shape = [0; 2];
-    for (channel, suffix) in matrices.iter().zip(channel_suffixes(channels)) {
+    let suffixes: &[&str] = if channels == Channels::Luma { &[""] } else { &sparse::COLORS };
+    for (channel, suffix) in matrices.iter().zip(suffixes) {
         for ExportedMatrix { suffix: bounces, matrix, direct, noise } in channel {
             let file = sparse::with_suffix(named, &format!("{bounces}{suffix}"));
             let beside = Beside { direct: direct.as_ref(), pictures, noise: *noise };
@@ -182,14 +183,6 @@ fn write(
     content.fact("columns", shape[1]);
     content.fact("nonzeros", nonzeros);
     Ok(content)
-}
-
-/// The name suffixes of the files of the channels.
-fn channel_suffixes(channels: Channels) -> &'static [&'static str] {
-    match channels {
-        Channels::Luma => &[""],
-        Channels::Rgb => &sparse::COLORS,
-    }
 }
 
 #[cfg(test)]

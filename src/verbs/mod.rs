@@ -43,18 +43,18 @@ pub use segment::{Segment, Segmented};
 pub use separate::{Separate, Separated};
 pub use solve::{Solve, Solved};
 
-/// The verbs that apply to any source and write a run's folder, in the order of the help. A new verb needs one more line here.
-pub const VERBS: &[Declared] = &[
-    Declared::of::<Segment>(),
-    Declared::of::<Compensate>(),
-    Declared::of::<Separate>(),
-    Declared::of::<Relight>(),
-    Declared::of::<Probe>(),
-    Declared::of::<Eigs>(),
-    Declared::of::<Audit>(),
-    Declared::of::<Solve>(),
-    Declared::of::<Import>(),
-];
+/// Declares requests as [`VERBS`], and gives each of them its default.
+macro_rules! declare {
+    ($($request:ty),* $(,)?) => {
+        /// The verbs that apply to any source and write a run's folder, in the order of the help.
+        pub const VERBS: &[Declared] = &[$(Declared::of::<$request>()),*];
+
+        options::default_values!($($request),*);
+    };
+}
+
+// A new verb needs one more name here.
+declare!(Segment, Compensate, Separate, Relight, Probe, Eigs, Audit, Solve, Import);
 
 /// A request that is declared once, for the command line and for keyword arguments.
 pub trait Request: Verb + Args + Serialize + DeserializeOwned + Default {}

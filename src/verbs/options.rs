@@ -1,7 +1,6 @@
 //! Fields of requests: their values on the command line and in Python, and their defaults.
 
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -10,6 +9,8 @@ use serde_json::{Map, Value};
 use super::compensate::Picture;
 use crate::error::{Error, Result};
 use crate::krylov::{METHODS, Method};
+use crate::lab::first_given;
+pub(crate) use crate::lab::number;
 use crate::transport::Part;
 
 /// The default request. Its fields have the default values of the command line options.
@@ -28,11 +29,19 @@ pub(super) fn defaults<T: clap::Args>() -> T {
     }
 }
 
-/// Parses a number for any option. It may be infinite. NaN is refused, since it would pass every comparison with a bound.
-pub(crate) fn number<T: FromStr + Into<f64> + Copy>(text: &str) -> std::result::Result<T, String> {
-    let number = text.trim().parse::<T>().ok().filter(|&number| !number.into().is_nan());
-    number.ok_or_else(|| format!("`{text}` is not a number; write one as in 0.5 or 1e-6"))
+/// Makes [`defaults`] the `Default` of each of these requests.
+macro_rules! default_values {
+    ($($request:ty),* $(,)?) => {
+        $(
+            impl Default for $request {
+                fn default() -> Self {
+                    $crate::verbs::options::defaults()
+                }
+            }
+        )*
+    };
 }
+pub(super) use default_values;
 
 /// Parses a time in seconds or minutes. It must be above 0, and short enough for every clock.
 pub(crate) fn time(text: &str) -> std::result::Result<f64, String> {
@@ -70,12 +79,8 @@ pub(crate) fn png(text: &str) -> std::result::Result<PathBuf, String> {
 
 /// Refuses options that were given to a verb, but that a plan of this verb does not support.
 pub(super) fn not_planned(verb: &str, given: &[(bool, &str)]) -> Result<()> {
-    match given.iter().find(|(is_given, _)| *is_given) {
-        None => Ok(()),
-        Some((_, option)) => {
-            Err(Error::option(*option, format!("it is no part of a plan of {verb}")).help("leave it out"))
-        }
-    }
+    let Some(option) = first_given(given) else { return Ok(()) };
+    Err(Error::option(option, format!("it is no part of a plan of {verb}")).help("leave it out"))
 }
 
 /// A part of the light.

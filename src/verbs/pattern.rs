@@ -111,11 +111,9 @@ impl Pattern {
                 Box::new(move |x, y| (x, y) == (column, row))
             }
             Self::Pixel(column, row) => {
-                return Err(Error::option(
-                    "--pattern",
-                    format!("pixel {column},{row} lies outside of {resolution} pixels"),
-                )
-                .help("columns and rows count from 0, at the top left"));
+                let fault = format!("pixel {column},{row} lies outside of {resolution} pixels");
+                let help = "columns and rows count from 0, at the top left";
+                return Err(Error::option("--pattern", fault).help(help));
             }
             Self::File(ref path) => return read_sized(path, resolution),
         };

@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use serde_json::json;
-
 use super::pattern::Pattern;
+use super::plan::{fact_of, range};
 use crate::error::{Error, Result};
 use crate::finding::{Grade, worst};
 use crate::image::{Image, Resolution};
@@ -148,9 +147,9 @@ impl TakePhoto {
             tell_written(lab, file);
         }
         let mut content = Content::default();
-        let (mean, low, high) = statistics(photo);
+        let range = range(photo.samples().iter().map(|&sample| f64::from(sample)));
         let unit = lab.unit();
-        let [shown_mean, least, greatest] = [mean, low, high].map(|value| text::decimal(value, 5));
+        let [shown_mean, least, greatest] = range.map(|value| text::decimal(value, 5));
         content.line(format_args!("radiance  mean {shown_mean}, from {least} to {greatest} {unit}"));
         let of = if taken.is_of_white { "the white photo" } else { "the photo" };
         if let Some(noise) = taken.noise {
@@ -160,7 +159,7 @@ impl TakePhoto {
         content.fact("error_file", self.error.as_ref().map(Name::from));
         content.fact("resolution", photo.resolution());
         content.fact("noise", taken.noise);
-        content.fact("radiance", json!({ "mean": mean, "min": low, "max": high }));
+        content.fact("radiance", fact_of(range));
         content.fact("unit", unit);
         match lab.kind() {
             SourceKind::Scene => content.fact("samples_per_pixel", lab.trace_settings().map(|s| s.samples)),
@@ -183,13 +182,6 @@ fn tell_written(lab: &Lab, file: &Path) {
 fn unknown_error() -> Error {
     let help = "of a scene, give --spp 2 or more, and leave out --operator replay; of other sources only a rig knows it";
     Error::option("--error", "the standard error of this photo is not known").help(help)
-}
-
-/// The mean, the smallest and the largest sample.
-fn statistics(photo: &Image) -> (f64, f64, f64) {
-    let samples = || photo.samples().iter().map(|&sample| f64::from(sample));
-    let mean = samples().sum::<f64>() / photo.samples().len() as f64;
-    (mean, samples().fold(f64::INFINITY, f64::min), samples().fold(f64::NEG_INFINITY, f64::max))
 }
 
 impl WriteLabels {

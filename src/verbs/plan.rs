@@ -17,7 +17,7 @@ use crate::finding::decimal;
 use crate::image::Image;
 use crate::io::name::Name;
 use crate::krylov::EigsOptions;
-use crate::lab::{ChannelChoice, Lab, RigSource, SharedObserver, SourceKind};
+use crate::lab::{ChannelChoice, Lab, RigSource, SharedObserver, SourceKind, not_a_rig};
 use crate::observer::{Estimate, Observer, Step};
 use crate::report::content::Content;
 use crate::transport::{Channels, Network, Part};
@@ -93,8 +93,7 @@ impl Plan {
         }
         check_trials(self.trials)?;
         if SourceKind::of(source) != SourceKind::Rig {
-            let fault = format!("{} is no rig", source.display());
-            return Err(Error::option("SOURCE", fault).help("give a rig file (.toml)"));
+            return Err(not_a_rig(source));
         }
         Ok(())
     }
@@ -374,9 +373,14 @@ fn errors_of(ideal: &CompensationPlan) -> Value {
 }
 
 /// The mean, the smallest and the largest value.
-fn range(values: impl Iterator<Item = f64> + Clone) -> [f64; 3] {
+pub(super) fn range(values: impl Iterator<Item = f64> + Clone) -> [f64; 3] {
     let (sum, count) = values.clone().fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
     [sum / count, values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max)]
+}
+
+/// The mean, the smallest and the largest value as a fact.
+pub(super) fn fact_of([mean, min, max]: [f64; 3]) -> Value {
+    json!({ "mean": mean, "min": min, "max": max })
 }
 
 impl Prediction {
@@ -397,17 +401,16 @@ impl Prediction {
         }
         let width = self.figures.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
         content.line(format_args!("           {:width$}      mean     least   largest", ""));
-        let told = |[mean, min, max]: [f64; 3]| json!({ "mean": mean, "min": min, "max": max });
         let mut figures = serde_json::Map::new();
         for (name, values) in &self.figures {
             let range = range(values.iter().copied());
             let [mean, least, largest] = range.map(|value| decimal(value, 4));
             content.line(format_args!("           {name:width$}  {mean:>8}  {least:>8}  {largest:>8}"));
-            figures.insert(name.clone(), told(range));
+            figures.insert(name.clone(), fact_of(range));
         }
         content.fact("question", self.verb);
         content.fact("rig", &self.rig);
-        let of_costs = |of: fn(&Cost) -> f64| told(range(self.costs.iter().map(of)));
+        let of_costs = |of: fn(&Cost) -> f64| fact_of(range(self.costs.iter().map(of)));
         content.fact("photos", of_costs(|cost| cost.photos as f64));
         content.fact("patterns", of_costs(|cost| cost.patterns as f64));
         content.fact("frames", of_costs(|cost| cost.frames as f64));

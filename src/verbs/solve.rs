@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
 
-use super::options::{count, defaults, method, number};
+use super::options::{count, method, number};
 use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade};
 use crate::image::Resolution;
@@ -46,12 +46,6 @@ pub struct Solve {
     #[arg(skip)]
     #[serde(skip)]
     pub values: OnceLock<Vec<f64>>,
-}
-
-impl Default for Solve {
-    fn default() -> Self {
-        defaults()
-    }
 }
 
 impl Solve {

@@ -9,7 +9,7 @@ use crate::image::Image;
 use crate::krylov::norm;
 use crate::lab::{Lab, RunOptions};
 use crate::measure::RigFile;
-use crate::operator::Operator;
+use crate::operator::product;
 use crate::scene::builtin;
 use crate::transport::Part;
 use crate::verbs::options::LightPart;
@@ -104,16 +104,14 @@ fn what_was_photographed_is_answered_as_it_was_and_an_audit_wants_real_photos() 
     let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
     let run = folder.path().join("run");
     let mut exact = segmented(cornell()?, &run)?;
-    let mut white = vec![0.0; exact.resolution().pixels()];
-    exact.operator(Part::Global)?.apply(&vec![1.0; white.len()], &mut white)?;
+    let ones = vec![1.0; exact.resolution().pixels()];
+    let white = product(&mut exact.operator(Part::Global)?, &ones)?;
     let mut replay = crate::open(&run)?;
-    let mut again = vec![0.0; white.len()];
     let mut operator = replay.operator(Part::Global)?;
-    operator.apply(&vec![1.0; white.len()], &mut again)?;
-    assert_eq!(again, white);
+    assert_eq!(product(&mut operator, &ones)?, white);
     // The model predicts the same photo for the same pattern, up to rounding.
-    operator.apply(&left(&exact)?.plane(0), &mut again)?;
-    operator.apply(&vec![1.0; white.len()], &mut again)?;
+    product(&mut operator, &left(&exact)?.plane(0))?;
+    let again = product(&mut operator, &ones)?;
     let off: Vec<f64> = again.iter().zip(&white).map(|(a, b)| a - b).collect();
     assert!(norm(&off) < 1e-9 * norm(&white), "{}", norm(&off));
     let refused = crate::open(&run)?.ask(&Audit::default());
@@ -154,11 +152,7 @@ fn a_run_whose_direct_light_was_measured_by_squares_can_still_be_asked() -> Resu
     let found = rig.ask(&Segment { groups: vec![2], photos: Some(12), ..Segment::default() })?;
     rig.finish(&found)?;
     let pattern = left(&rig)?.plane(0);
-    let direct = |lab: &mut Lab| -> Result<Vec<f64>> {
-        let mut product = vec![0.0; pattern.len()];
-        lab.operator(Part::Direct)?.apply(&pattern, &mut product)?;
-        Ok(product)
-    };
+    let direct = |lab: &mut Lab| product(&mut lab.operator(Part::Direct)?, &pattern);
     let expected = direct(&mut crate::open(&run)?)?;
     let record = run.join("run.json");
     let text = std::fs::read_to_string(&record).map_err(Error::reading(&record))?;

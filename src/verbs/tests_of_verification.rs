@@ -204,7 +204,7 @@ fn verdicts(seed: u32) -> Result<([CheckVerdict; 3], [CheckVerdict; 3])> {
     let wrong = compensated(&mut lab(builtin::corner().to_scene())?)?;
     let wrong_photo = of_photo(&mut zigzag, &wrong)?;
     let verdict = |of: Option<Verification>| of.map_or(CheckVerdict::TooWeak, |of| of.verdict);
-    let of_groups = |of: Option<crate::lab::VerifiedEigenpairs>| verdict(of.map(|of| of.verification));
+    let of_groups = |of: Option<crate::lab::Verified>| verdict(of.map(|of| of.verification));
     Ok((
         [verdict(right_pairs), of_groups(right_groups), verdict(right_photo)],
         [verdict(wrong_pairs), of_groups(wrong_groups), verdict(wrong_photo)],

@@ -45,19 +45,14 @@ pub(crate) fn additivity(lit: &Plane, rest: &Plane, white: &Plane, bound: f64) -
     let variance: Vec<f64> = pixels.map(|i| lit.variance[i] + rest.variance[i] + white.variance[i]).collect();
     let (figure, error) = deviation(&residual, &variance, white);
     let z = z(&residual, &variance).map_or(String::new(), |z| format!(" (z {z:.2})"));
-    Finding::judged(
-        "additivity",
-        figure,
-        error,
-        bound,
-        [
-            &format!("two halves of white add up to it{z}"),
-            &format!(
-                "two halves of white do not add up to it{z}: look for saturation, a black level or ambient light that is not \
-                 subtracted, or a camera response that is not undone (`krylux rig calibrate`)"
-            ),
-        ],
-    )
+    let texts: [&str; 2] = [
+        &format!("two halves of white add up to it{z}"),
+        &format!(
+            "two halves of white do not add up to it{z}: look for saturation, a black level or ambient light that is not \
+             subtracted, or a camera response that is not undone (`krylux rig calibrate`)"
+        ),
+    ];
+    Finding::judged("additivity", figure, error, bound, texts)
 }
 
 /// Compares `photo` with photos of the same pattern multiplied by factors. `scaled` pairs each factor with its photo. Returns the largest
@@ -83,34 +78,24 @@ fn largest_deviation(photo: &Plane, scaled: &[(f64, Plane)]) -> (Ratio, f64, f64
 
 pub(crate) fn homogeneity(photo: &Plane, scaled: &[(f64, Plane)], bound: f64) -> Finding {
     let (figure, error, share) = largest_deviation(photo, scaled);
-    Finding::judged(
-        "homogeneity",
-        figure,
-        error,
-        bound,
-        [
-            "a share of a pattern gives that share of its photo",
-            &format!(
-                "{share} of a pattern does not give {share} of its photo: the projector's response (gamma) is not undone; \
-                 calibrate the rig with `krylux rig calibrate` and name the calibration"
-            ),
-        ],
-    )
+    let texts: [&str; 2] = [
+        "a share of a pattern gives that share of its photo",
+        &format!(
+            "{share} of a pattern does not give {share} of its photo: the projector's response (gamma) is not undone; \
+             calibrate the rig with `krylux rig calibrate` and name the calibration"
+        ),
+    ];
+    Finding::judged("homogeneity", figure, error, bound, texts)
 }
 
 pub(crate) fn repeatability(first: &Plane, last: Plane, bound: f64) -> Finding {
     let (figure, error, _) = largest_deviation(first, &[(1.0, last)]);
-    Finding::judged(
-        "repeatability",
-        figure,
-        error,
-        bound,
-        [
-            "the first photo, taken again at the end, is the same",
-            "the first photo, taken again at the end, is brighter or darker: the light drifts; let the lamp warm up, or have the \
-             drift sentinel correct it (sentinel_every in [measurement])",
-        ],
-    )
+    let texts: [&str; 2] = [
+        "the first photo, taken again at the end, is the same",
+        "the first photo, taken again at the end, is brighter or darker: the light drifts; let the lamp warm up, or have the \
+         drift sentinel correct it (sentinel_every in [measurement])",
+    ];
+    Finding::judged("repeatability", figure, error, bound, texts)
 }
 
 /// Estimates `‖A − Aᵀ‖/‖A‖` from photos of `(1 + x)/2` for random signs `x`. For two patterns `x` and `y`, the expected values are `E (yᵀ A
@@ -147,17 +132,12 @@ pub(crate) fn symmetry(
     let figure = Ratio::of((squares - noise).max(0.0).sqrt(), energy.sqrt(), 0.0);
     // The mean square of `pairs` Gaussian values has a relative error of √(2/pairs). The square root has half of this relative error.
     let error = (squares / energy).sqrt() * (0.5_f64 / pairs).sqrt();
-    Finding::judged(
-        "symmetry",
-        figure,
-        error,
-        bound,
-        [
-            &format!("light takes every way in both directions alike ({pairs} pairs of patterns)"),
-            "light does not take every way in both directions alike: the pixel map is off (calibrate the rig with \
-             `krylux rig calibrate`), or camera and projector do not look from one point, or one's lens darkens its corners",
-        ],
-    )
+    let texts: [&str; 2] = [
+        &format!("light takes every way in both directions alike ({pairs} pairs of patterns)"),
+        "light does not take every way in both directions alike: the pixel map is off (calibrate the rig with \
+         `krylux rig calibrate`), or camera and projector do not look from one point, or one's lens darkens its corners",
+    ];
+    Finding::judged("symmetry", figure, error, bound, texts)
 }
 
 /// Finds pixels that see light, but hardly any light straight from their own projector pixel.
@@ -174,17 +154,12 @@ pub(crate) fn shadows(direct: &Plane, white: &Plane, mask: &[bool], bound: f64) 
         .collect();
     let lit = (0..mask.len()).filter(|&pixel| lit(pixel)).count() as f64;
     let share = Ratio::of(shadow.iter().filter(|&&shadow| shadow).count() as f64, lit, 0.0);
-    let check = Finding::judged(
-        "direct light",
-        share,
-        0.0,
-        bound,
-        [
-            "what the camera sees, the projector lights: no shadows",
-            "the camera sees what the projector does not light: they do not look from one point; move the beam splitter until the \
-             shadows in shadow.png are gone",
-        ],
-    );
+    let texts: [&str; 2] = [
+        "what the camera sees, the projector lights: no shadows",
+        "the camera sees what the projector does not light: they do not look from one point; move the beam splitter until the \
+         shadows in shadow.png are gone",
+    ];
+    let check = Finding::judged("direct light", share, 0.0, bound, texts);
     (check, shadow)
 }
 
@@ -227,12 +202,7 @@ pub(crate) fn saturation(share: f64) -> Finding {
 }
 
 pub(crate) fn saturated(fault: &str) -> Finding {
-    Finding::graded(
-        "saturation",
-        Grade::Fails,
-        format!("the white photo is saturated, and nothing else can be told ({fault})"),
-        "",
-        "give shorter exposures, close the aperture, or dim the projector",
-    )
-    .measured(1.0, 0.0, 0.0)
+    let found = format!("the white photo is saturated, and nothing else can be told ({fault})");
+    let help = "give shorter exposures, close the aperture, or dim the projector";
+    Finding::graded("saturation", Grade::Fails, found, "", help).measured(1.0, 0.0, 0.0)
 }

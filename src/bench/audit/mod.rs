@@ -25,7 +25,7 @@ use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade};
 use crate::image::Resolution;
 use crate::measure::{Measurement, Photo, Plane};
-use crate::operator::Operator;
+use crate::operator::{Operator, product};
 
 mod checks;
 
@@ -92,11 +92,6 @@ impl AuditReport {
     /// The faults that were found in the devices.
     pub fn faults(&self) -> impl Iterator<Item = &Finding> {
         self.devices.iter().filter(|finding| finding.grade >= Grade::Warning)
-    }
-
-    /// The checks of the audit.
-    pub fn findings(&self) -> Vec<Finding> {
-        self.checks.clone()
     }
 
     /// Whether no check fails.
@@ -306,14 +301,12 @@ impl Audited for Exact<'_> {
     }
 
     fn photograph(&mut self, pattern: &[f64]) -> Result<Plane> {
-        let mut values = vec![0.0; self.full.rows()];
-        self.full.apply(pattern, &mut values)?;
-        Ok(exact(values))
+        product(self.full, pattern).map(exact)
     }
 
     fn sight(&mut self) -> Result<Finding> {
-        let mut white = vec![0.0; self.full.rows()];
-        self.full.apply(&vec![1.0; self.full.cols()], &mut white)?;
+        let pattern = vec![1.0; self.full.cols()];
+        let white = product(self.full, &pattern)?;
         let lit = white.iter().filter(|light| **light > 0.0).count();
         let grade = if lit == 0 { Grade::Fails } else { Grade::Ok };
         let found = format!("{lit} of {} pixels have light under white", white.len());

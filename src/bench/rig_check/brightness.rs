@@ -46,7 +46,7 @@ pub(crate) fn brightness(probe: &mut Probe<'_>, settle: f64, recorder: &mut Reco
     probe.session.set_settle(settle.max(IRIS_SECONDS));
     let photos = quadrants(probe);
     probe.session.set_settle(settle);
-    let Quadrants { whites, quadrants } = photos?;
+    let (whites, quadrants) = photos?;
     recorder.add(iris(probe, whites.each_ref().map(|white| average(white)), &quadrants))?;
     recorder.add(stray(probe, &quadrants))?;
     if probe.session.projector().bits >= 6 {
@@ -60,19 +60,18 @@ pub(crate) fn brightness(probe: &mut Probe<'_>, settle: f64, recorder: &mut Reco
     Ok(())
 }
 
-struct Quadrants {
-    whites: [Vec<f64>; 2],
-    quadrants: Vec<Vec<f64>>,
-}
+/// The light of each pixel of a photo.
+type Light = Vec<f64>;
 
-fn quadrants(probe: &mut Probe<'_>) -> Result<Quadrants> {
+/// Photos of white before and after the quadrants, and of each quadrant.
+fn quadrants(probe: &mut Probe<'_>) -> Result<([Light; 2], Vec<Light>)> {
     let size = probe.projector();
     let quadrant =
         |x: usize, y: usize| usize::from(2 * x >= size.width) + 2 * usize::from(2 * y >= size.height);
     let before = probe.gray(1.0)?;
     let quadrants =
         (0..4).map(|index| probe.pattern(|x, y| quadrant(x, y) == index)).collect::<Result<Vec<_>>>()?;
-    Ok(Quadrants { whites: [before, probe.gray(1.0)?], quadrants })
+    Ok(([before, probe.gray(1.0)?], quadrants))
 }
 
 fn iris(probe: &Probe<'_>, [before, after]: [f64; 2], quadrants: &[Vec<f64>]) -> Finding {
@@ -98,12 +97,8 @@ fn iris(probe: &Probe<'_>, [before, after]: [f64; 2], quadrants: &[Vec<f64>]) ->
             100.0 * off
         ),
     };
-    let help = if probe.is_known {
-        "switch off the automatic iris, dynamic contrast and eco mode in the projector's menu"
-    } else {
-        "switch off the automatic iris, dynamic contrast and eco mode in the projector's menu; if the camera's counts are not in \
-         proportion to light, calibrate first and check again"
-    };
+    let help = "switch off the automatic iris, dynamic contrast and eco mode in the projector's menu";
+    let help = calibrated_or(probe, help);
     let beyond = if probe.is_known { Grade::Fails } else { Grade::Warning };
     let expected = format!("within {:.0} %", 100.0 * bound);
     Finding::at_most("iris", [off.abs(), 0.5 * scatter, bound], beyond, found, expected, help)
@@ -141,15 +136,12 @@ fn stray(probe: &Probe<'_>, quadrants: &[Vec<f64>]) -> Finding {
     } else {
         format!("{:.1} % of white's light reaches all pixels evenly, at most", 100.0 * share)
     };
-    Finding::graded(
-        "stray light",
-        if is_stray { Grade::Warning } else { Grade::Ok },
-        found,
-        format!("at most {:.0} %", 100.0 * STRAY),
-        "cover the scene with black cloth: if that light remains, blacken or tilt the light trap behind the beam splitter, and shade \
-         the lens; otherwise the scene itself exchanges that light",
-    )
-    .measured(share, probe.scatter / SIGMAS, STRAY)
+    let grade = if is_stray { Grade::Warning } else { Grade::Ok };
+    let expected = format!("at most {:.0} %", 100.0 * STRAY);
+    let help = "cover the scene with black cloth: if that light remains, blacken or tilt the light trap behind the beam splitter, and shade \
+                the lens; otherwise the scene itself exchanges that light";
+    let finding = Finding::graded("stray light", grade, found, expected, help);
+    finding.measured(share, probe.scatter / SIGMAS, STRAY)
 }
 
 /// The slope of a line through points, and its standard error. `None` for fewer than nine points or nearly equal first coordinates.
@@ -183,14 +175,10 @@ fn levels(probe: &Probe<'_>, ends: [f64; 2]) -> Finding {
             100.0 * high
         )
     };
-    Finding::at_least(
-        "levels",
-        [(1.0 - high).abs(), 0.5 * probe.scatter, CLIPPED],
-        Grade::Warning,
-        found,
-        format!("level 235 at least {:.0} % darker than level 255", 100.0 * CLIPPED),
-        "set the projector's input and the graphics card to full range (0 to 255, \"PC\"), lower the contrast, and calibrate again",
-    )
+    let expected = format!("level 235 at least {:.0} % darker than level 255", 100.0 * CLIPPED);
+    let help = "set the projector's input and the graphics card to full range (0 to 255, \"PC\"), lower the contrast, and calibrate again";
+    let darker = [(1.0 - high).abs(), 0.5 * probe.scatter, CLIPPED];
+    Finding::at_least("levels", darker, Grade::Warning, found, expected, help)
 }
 
 // The check of the projector's colours: whether red, green and blue add up to gray of the same level.
@@ -246,23 +234,26 @@ fn sum(probe: &Probe<'_>, off: [f64; 2]) -> Finding {
     let grade = if off.iter().any(|&off| is_off(off)) { Grade::Warning } else { Grade::Ok };
     let help = "choose a mode for photos or sRGB in the projector's menu, without BrilliantColor and enhanced colours; otherwise measure with gray \
                 patterns alone (--channels luma)";
+    let expected = format!("within {:.0} %", 100.0 * bound);
+    let largest = off[0].abs().max(off[1].abs());
+    let finding = Finding::graded("colours", grade, found, expected, calibrated_or(probe, help));
+    finding.measured(largest, 0.5 * probe.scatter, bound)
+}
+
+/// The remedy, with another one where the camera's response is not known.
+fn calibrated_or(probe: &Probe<'_>, help: &str) -> String {
     let unknown = "; if the camera's counts are not in proportion to light, calibrate first and check again";
-    let help = if probe.is_known { help.to_owned() } else { format!("{help}{unknown}") };
-    Finding::graded("colours", grade, found, format!("within {:.0} %", 100.0 * bound), help).measured(
-        off[0].abs().max(off[1].abs()),
-        0.5 * probe.scatter,
-        bound,
-    )
+    if probe.is_known { help.to_owned() } else { format!("{help}{unknown}") }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::probe::take;
     use super::*;
+    use crate::bench::rig_check::probe::take;
+    use crate::bench::rig_check::recorded;
     use crate::image::Resolution;
-    use crate::measure::CaptureRequest;
     use crate::measure::simulated::Simulated;
-    use std::ops::ControlFlow;
+    use crate::measure::{CaptureRequest, FrameSource};
 
     #[test]
     fn the_slope_of_a_line_is_found_with_its_error() {
@@ -284,7 +275,6 @@ mod tests {
 
     /// A probe of an uncalibrated bench whose camera sees each of five by four pixels separately. All photos of white are equal.
     fn with_probe<T>(bits: u32, check: impl FnOnce(&mut Probe<'_>) -> T) -> T {
-        use crate::measure::CaptureRequest;
         let top = f64::from((1_u32 << bits) - 1);
         let photo = move |request: &CaptureRequest, _| {
             request
@@ -304,7 +294,6 @@ mod tests {
     /// Photos taken before the check are not counted.
     #[test]
     fn a_check_counts_its_own_photos() {
-        use crate::measure::{CaptureRequest, FrameSource};
         let size = Resolution::new(2, 2);
         let mut frames = Simulated::new(size, size, 8, |_: &CaptureRequest, _| vec![9; 4]);
         let black = std::sync::Arc::new(crate::rig::Frame::filled(size, 1, 0));
@@ -331,7 +320,7 @@ mod tests {
     #[test]
     fn the_quadrants_of_a_frame_have_no_pixel_in_common_and_make_up_all_of_it() {
         with_probe(8, |probe| {
-            let Quadrants { whites, quadrants } = quadrants(probe).expect("it never fails");
+            let (whites, quadrants) = quadrants(probe).expect("it never fails");
             // The third of five columns belongs to the left quadrants, because its left edge lies in them.
             let lit = |light: &[f64]| {
                 light.iter().map(|light| (light / 50_000.0).round() as u8).collect::<Vec<u8>>()
@@ -426,13 +415,9 @@ mod tests {
 
     #[test]
     fn a_projector_of_few_levels_has_none_near_black_and_white() {
-        use std::ops::ControlFlow;
         for (bits, names) in [(5, &["iris", "stray light"][..]), (6, &["iris", "stray light", "levels"])] {
             with_probe(bits, |probe| {
-                let mut report = |_: &Finding| ControlFlow::Continue(());
-                let mut recorder = Recorder::new(&mut report);
-                brightness(probe, 0.1, &mut recorder).expect("it never fails");
-                let all = recorder.findings.all;
+                let all = recorded(|recorder| brightness(probe, 0.1, recorder));
                 assert_eq!(all.iter().map(|finding| &*finding.name).collect::<Vec<_>>(), names);
                 assert!(all.iter().all(|finding| finding.grade == Grade::Ok), "{all:?}");
             });
@@ -455,11 +440,8 @@ mod tests {
         let mut frames = Simulated::new(size, size, 16, photo);
         frames.projector.channels = 3;
         let photos = take(&mut frames, 0.1).expect("it never fails");
-        let mut report = |_: &Finding| ControlFlow::Continue(());
-        let mut recorder = Recorder::new(&mut report);
         let mut probe = Probe::new(&mut frames, None, &photos, 0.1, true);
-        colours(&mut probe, &mut recorder).expect("it never fails");
-        recorder.findings.all
+        recorded(|recorder| colours(&mut probe, recorder))
     }
 
     #[test]

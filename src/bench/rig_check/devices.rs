@@ -38,13 +38,13 @@ pub(crate) fn file(file: &RigFile) -> Finding {
     let found = format!("{} rig, patterns of {shown} and photos of {seen} pixels", file.kind.word());
     match uneven(&file.measurement, projector.frame_time) {
         None => Finding::ok("file", found),
-        Some(exposure) => Finding::graded(
-            "file",
-            Grade::Warning,
-            format!("{found}; [measurement] has an exposure of {exposure} s"),
-            format!("whole multiples of the projector's refresh, {:.5} s", projector.frame_time),
-            "correct the exposures, or leave them out: the program then chooses suitable ones",
-        ),
+        Some(exposure) => {
+            let found = format!("{found}; [measurement] has an exposure of {exposure} s");
+            let expected =
+                format!("whole multiples of the projector's refresh, {:.5} s", projector.frame_time);
+            let help = "correct the exposures, or leave them out: the program then chooses suitable ones";
+            Finding::graded("file", Grade::Warning, found, expected, help)
+        }
     }
 }
 
@@ -97,19 +97,19 @@ fn monitor(spec: &X11Spec, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
     };
     let found =
         format!("\"{}\": {} pixels at ({x}, {y}), {refresh}, {ramp}", monitor.name, monitor.resolution);
-    recorder.add(match spec.monitor_size {
-        Some(_) => Finding::ok("monitor", found),
-        None => Finding::graded(
-            "monitor",
+    // A finding that is ok drops its remedy.
+    let (grade, expected) = match spec.monitor_size {
+        Some(_) => (Grade::Ok, ""),
+        None => (
             Grade::Warning,
-            found,
             "the projector's native pixels: it scales any other mode, and the X server cannot know that",
-            format!(
-                "if these are its native pixels, write monitor_size = [{}, {}] in [projector]",
-                monitor.resolution.width, monitor.resolution.height
-            ),
         ),
-    })?;
+    };
+    let help = format!(
+        "if these are its native pixels, write monitor_size = [{}, {}] in [projector]",
+        monitor.resolution.width, monitor.resolution.height
+    );
+    recorder.add(Finding::graded("monitor", grade, found, expected, help))?;
     Ok(true)
 }
 
@@ -210,14 +210,9 @@ pub(crate) fn space(folder: &Path, camera: &CameraInfo) -> Finding {
         MIN_PHOTOS..SESSION_PHOTOS => Grade::Warning,
         _ => Grade::Ok,
     };
-    Finding::graded(
-        "disk",
-        grade,
-        found,
-        format!("space for {SESSION_PHOTOS} photos"),
-        "free some space, or give another folder by -o",
-    )
-    .measured(photos as f64, 0.0, SESSION_PHOTOS as f64)
+    let expected = format!("space for {SESSION_PHOTOS} photos");
+    let help = "free some space, or give another folder by -o";
+    Finding::graded("disk", grade, found, expected, help).measured(photos as f64, 0.0, SESSION_PHOTOS as f64)
 }
 
 fn existing(folder: &Path) -> PathBuf {
@@ -253,14 +248,10 @@ pub(crate) fn calibration(file: &RigFile, recorder: &mut Recorder<'_, '_>) -> Re
         }
         (Some(Err(error)), _) => (Finding::error("calibration", &error), None),
         _ => {
-            let finding = Finding::graded(
-                "calibration",
-                Grade::Warning,
-                "the rig file names none: responses, noise and pixel map are assumed to be ideal",
-                "the folder that `krylux rig calibrate` wrote",
-                "run it with --use, which names its folder in the rig file",
-            );
-            (finding, None)
+            let found = "the rig file names none: responses, noise and pixel map are assumed to be ideal";
+            let expected = "the folder that `krylux rig calibrate` wrote";
+            let help = "run it with --use, which names its folder in the rig file";
+            (Finding::graded("calibration", Grade::Warning, found, expected, help), None)
         }
     };
     recorder.add(finding)?;

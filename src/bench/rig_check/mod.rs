@@ -141,19 +141,14 @@ pub fn faults(
     let mut recorder = Recorder::new(&mut go_on);
     let setup = Setup { settle: file.settle(known), exposure: file.longest_exposure(), known };
     frames.set_settle(setup.settle);
-    let seen = match photos::photos(&setup, frames, &mut recorder) {
-        Ok(seen) => seen,
-        Err(error) => {
-            recorder.findings.all.clear();
-            recorder.failure("frames", error)?;
-            return Ok(recorder.findings.all);
-        }
-    };
+    let seen = photos::photos(&setup, frames, &mut recorder);
     // The caller judges black and white from other photos, so the findings about them are dropped here.
     recorder.findings.all.clear();
-    if let Some(seen) = seen
-        && let Err(error) = imperfections(&setup, &seen, frames, &mut recorder)
-    {
+    let examined = match seen {
+        Ok(Some(seen)) => imperfections(&setup, &seen, frames, &mut recorder),
+        other => other.map(drop),
+    };
+    if let Err(error) = examined {
         recorder.failure("frames", error)?;
     }
     Ok(recorder.findings.all)
@@ -209,4 +204,13 @@ impl<'a, 'b> Recorder<'a, 'b> {
         self.add(Finding::error(name, &error))?;
         Ok(false)
     }
+}
+
+/// The findings of a check that nobody stops.
+#[cfg(test)]
+fn recorded(check: impl FnOnce(&mut Recorder<'_, '_>) -> Result<()>) -> Vec<Finding> {
+    let mut go_on = |_: &Finding| ControlFlow::Continue(());
+    let mut recorder = Recorder::new(&mut go_on);
+    check(&mut recorder).expect("nobody stops it");
+    recorder.findings.all
 }

@@ -61,10 +61,7 @@ pub(crate) fn photos(
     frames: &mut dyn FrameSource,
     recorder: &mut Recorder<'_, '_>,
 ) -> Result<Option<Seen>> {
-    let (seconds, outcome) = match setup.exposure {
-        Some(seconds) => (seconds, WhiteExposure::Filled),
-        None => StructuredLight::white_exposure(frames)?,
-    };
+    let (seconds, outcome) = StructuredLight::white_exposure(setup.exposure, frames)?;
     let photos = take(frames, seconds)?;
     let bits = frames.camera().bits;
     let [projector, camera] = [frames.projector().resolution, frames.camera().resolution];
@@ -73,8 +70,7 @@ pub(crate) fn photos(
         // A run without a calibration uses the same map.
         None => Cow::Owned(Registration::by_area(projector, camera)),
     };
-    let exposure = Exposure { seconds, outcome, bits };
-    let (is_visible, in_range) = light(setup.known, &map, &photos, exposure, recorder)?;
+    let (is_visible, in_range) = light((setup.known, &map), &photos, (seconds, outcome), bits, recorder)?;
     recorder.add(sequence(&photos.effort))?;
     if !is_visible {
         let because = "the camera does not see the projector's white";
@@ -122,13 +118,10 @@ fn sequence(effort: &Effort) -> Finding {
         0 => String::new(),
         packets => format!("; {packets} packets were lost and sent again"),
     };
-    Finding::graded(
-        "frames",
-        grade,
-        found + &resent,
-        "no refused frames: each is taken again, which costs time",
-        "check cable and network (a smaller packet_size in [camera] where packets are lost); a free-running camera must be triggered",
-    )
+    let found = found + &resent;
+    let expected = "no refused frames: each is taken again, which costs time";
+    let help = "check cable and network (a smaller packet_size in [camera] where packets are lost); a free-running camera must be triggered";
+    Finding::graded("frames", grade, found, expected, help)
 }
 
 /// Checks whether white has all of its light right after black. `means` are the mean counts of the two photos of white in each round.
@@ -137,19 +130,15 @@ fn settling(means: &[[f64; 2]], settle: f64) -> Finding {
         means.iter().map(|[first, again]| Ratio::of(again - first, *again, 0.0).value()).collect();
     let Some(missing) = missing else { return Finding::unmeasured("settling", NO_WHITE) };
     let (average, error) = average(&missing);
-    Finding::at_most(
-        "settling",
-        [average.abs(), error, SETTLING],
-        Grade::Fails,
-        format!(
-            "{} s after a frame, white after black has {:.2} ± {:.2} % less light than a repeated white",
-            decimal(settle, 4),
-            100.0 * average,
-            100.0 * error
-        ),
-        format!("at most {} %", 100.0 * SETTLING),
-        "give a longer settle in [measurement], or calibrate",
-    )
+    let found = format!(
+        "{} s after a frame, white after black has {:.2} ± {:.2} % less light than a repeated white",
+        decimal(settle, 4),
+        100.0 * average,
+        100.0 * error
+    );
+    let expected = format!("at most {} %", 100.0 * SETTLING);
+    let help = "give a longer settle in [measurement], or calibrate";
+    Finding::at_most("settling", [average.abs(), error, SETTLING], Grade::Fails, found, expected, help)
 }
 
 fn repeatability(means: &[[f64; 2]]) -> Finding {
@@ -159,28 +148,24 @@ fn repeatability(means: &[[f64; 2]]) -> Finding {
     let Some(most) = Ratio::of(off, middle, 0.0).value() else {
         return Finding::unmeasured("repeatability", NO_WHITE);
     };
-    Finding::at_most(
-        "repeatability",
-        [most, 0.0, REPEATABILITY],
-        Grade::Warning,
-        format!("white's light changes by {:.3} % from photo to photo", 100.0 * most),
-        format!("at most {:.0} %", 100.0 * REPEATABILITY),
-        "use exposures that are whole multiples of the refresh and of the mains period; let the lamp warm up",
-    )
+    let found = format!("white's light changes by {:.3} % from photo to photo", 100.0 * most);
+    let expected = format!("at most {:.0} %", 100.0 * REPEATABILITY);
+    let help =
+        "use exposures that are whole multiples of the refresh and of the mains period; let the lamp warm up";
+    Finding::at_most("repeatability", [most, 0.0, REPEATABILITY], Grade::Warning, found, expected, help)
 }
 
 /// Checks whether the noise of a photo agrees with the calibration. `ratio` is the measured noise divided by the predicted noise.
 fn noise(ratio: f64, error: f64) -> Finding {
     let [least, most] = NOISE_RATIO;
     let is_off = ratio - SIGMAS * error > most || ratio + SIGMAS * error < least;
-    Finding::graded(
-        "noise",
-        if is_off { Grade::Warning } else { Grade::Ok },
-        format!("two photos of white differ by {ratio:.3} ± {error:.3} times what the calibration predicts"),
-        format!("{least} to {most}"),
-        "more noise may be vibration or flicker; more or less may be another gain: calibrate again",
-    )
-    .measured(ratio, error, if ratio < 1.0 { least } else { most })
+    let found =
+        format!("two photos of white differ by {ratio:.3} ± {error:.3} times what the calibration predicts");
+    let expected = format!("{least} to {most}");
+    let help = "more noise may be vibration or flicker; more or less may be another gain: calibrate again";
+    let finding =
+        Finding::graded("noise", if is_off { Grade::Warning } else { Grade::Ok }, found, expected, help);
+    finding.measured(ratio, error, if ratio < 1.0 { least } else { most })
 }
 
 fn average(values: &[f64]) -> (f64, f64) {
@@ -190,27 +175,21 @@ fn average(values: &[f64]) -> (f64, f64) {
     (mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
 }
 
-pub(crate) struct Exposure {
-    pub(crate) seconds: f64,
-    pub(crate) outcome: WhiteExposure,
-    pub(crate) bits: u32,
-}
-
 /// Examines exposure, saturation, whether the camera sees the projector where the pixel map predicts, and then ambient light. Returns
-/// whether white can be seen, and whether only a few of its samples are saturated.
-pub(crate) fn light(
-    known: Option<&Calibration>,
-    map: &Registration,
+/// whether white can be seen, and whether only a few of its samples are saturated. `exposure` is in seconds, with the outcome of its choice.
+fn light(
+    (known, map): (Option<&Calibration>, &Registration),
     photos: &Photos,
-    exposure: Exposure,
+    exposure: (f64, WhiteExposure),
+    bits: u32,
     recorder: &mut Recorder<'_, '_>,
 ) -> Result<(bool, bool)> {
-    let full = f64::from((1_u32 << exposure.bits) - 1);
+    let full = f64::from((1_u32 << bits) - 1);
     let limit = known.map_or(full, |known| known.camera.saturation);
     let (dark, white) = (photos.dark_count, &photos.whites[0][1]);
     // A camera that is saturated without a pattern has no range left.
     let reached = Ratio::of(white.percentile(0.98) - dark, full - dark, 0.0).value().unwrap_or(0.0);
-    recorder.add(range(reached, &exposure))?;
+    recorder.add(range(reached, exposure))?;
     let saturated = white.counts.iter().filter(|&&count| f64::from(count) >= limit).count() as f64;
     let saturated = saturated / white.counts.len() as f64;
     recorder.add(saturation(saturated))?;
@@ -246,11 +225,10 @@ fn above_black(photos: &Photos) -> Vec<[f64; 2]> {
 }
 
 /// Judges how much of the camera's range white fills. `reached` is white's 98th percentile above black, as a fraction of the range.
-fn range(reached: f64, exposure: &Exposure) -> Finding {
-    let found =
-        format!("white reaches {:.0} % of the range in {} s", 100.0 * reached, decimal(exposure.seconds, 4));
+fn range(reached: f64, (seconds, outcome): (f64, WhiteExposure)) -> Finding {
+    let found = format!("white reaches {:.0} % of the range in {} s", 100.0 * reached, decimal(seconds, 4));
     let expected = format!("{:.0} % to 90 %", 100.0 * DIM_WHITE);
-    let (grade, help) = match (exposure.outcome, reached) {
+    let (grade, help) = match (outcome, reached) {
         (WhiteExposure::TooBright, _) => {
             (Grade::Fails, "close the lens, lower the gain, or dim the projector")
         }
@@ -270,36 +248,28 @@ fn saturation(share: f64) -> Finding {
         share if share > SATURATED_WARNING => Grade::Warning,
         _ => Grade::Ok,
     };
-    Finding::graded(
-        "saturation",
-        grade,
-        format!("{:.2} % of white's samples", 100.0 * share),
-        format!("at most {:.0} %", 100.0 * SATURATED_WARNING),
-        "add a shorter exposure, close the lens, or remove highlights from the scene",
-    )
-    .measured(share, 0.0, SATURATED_WARNING)
+    let found = format!("{:.2} % of white's samples", 100.0 * share);
+    let expected = format!("at most {:.0} %", 100.0 * SATURATED_WARNING);
+    let help = "add a shorter exposure, close the lens, or remove highlights from the scene";
+    Finding::graded("saturation", grade, found, expected, help).measured(share, 0.0, SATURATED_WARNING)
 }
 
 fn ambient(share: f64) -> Finding {
-    Finding::at_most(
-        "ambient",
-        [share, 0.0, AMBIENT],
-        Grade::Warning,
-        format!("black has {:.1} % of white's light", 100.0 * share),
-        format!("less than {:.0} %", 100.0 * AMBIENT),
-        "darken the room: ambient light is subtracted, but its noise remains",
-    )
+    let found = format!("black has {:.1} % of white's light", 100.0 * share);
+    let expected = format!("less than {:.0} %", 100.0 * AMBIENT);
+    let help = "darken the room: ambient light is subtracted, but its noise remains";
+    Finding::at_most("ambient", [share, 0.0, AMBIENT], Grade::Warning, found, expected, help)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::bench::rig_check::probe::take;
+    use crate::bench::rig_check::recorded;
     use crate::image::Resolution;
     use crate::measure::CaptureRequest;
     use crate::measure::simulated::Simulated;
     use crate::rig::RawFrame;
-    use std::ops::ControlFlow;
 
     #[test]
     fn refused_frames_are_counted_by_their_reason() {
@@ -395,7 +365,7 @@ mod tests {
 
     #[test]
     fn a_white_that_fills_little_of_the_range_is_a_warning_and_an_invisible_one_fails() {
-        let graded = |outcome, reached| range(reached, &Exposure { seconds: 0.5, outcome, bits: 8 }).grade;
+        let graded = |outcome, reached| range(reached, (0.5, outcome)).grade;
         for (reached, grade) in
             [(0.0099, Grade::Fails), (0.01, Grade::Warning), (0.199, Grade::Warning), (0.2, Grade::Ok)]
         {
@@ -422,13 +392,12 @@ mod tests {
             let size = Resolution::new(10, 10);
             let mut frames = Simulated::new(size, size, 8, photo);
             let photos = take(&mut frames, 0.5).expect("it never fails");
-            let exposure = Exposure { seconds: 0.5, outcome: WhiteExposure::Filled, bits: 8 };
-            let mut report = |_: &Finding| ControlFlow::Continue(());
-            let mut recorder = Recorder::new(&mut report);
             let map = Registration::by_area(size, size);
-            let seen = light(None, &map, &photos, exposure, &mut recorder).expect("nobody stops it");
-            assert_eq!(seen, (true, in_range), "{saturated}");
-            let all = recorder.findings.all;
+            let all = recorded(|recorder| {
+                let seen = light((None, &map), &photos, (0.5, WhiteExposure::Filled), 8, recorder)?;
+                assert_eq!(seen, (true, in_range), "{saturated}");
+                Ok(())
+            });
             assert_eq!(all.len(), 4);
             let (range, saturation, ambient) = (&all[0], &all[1], &all[3]);
             assert_eq!((&*all[2].name, all[2].value), ("light", Some(1.0)));

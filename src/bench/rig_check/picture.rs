@@ -70,18 +70,14 @@ fn border(probe: &mut Probe<'_>) -> Result<Finding> {
     }
     let share = light.iter().sum::<f64>() / expected;
     let rows = if wide == 1 { "row and column".into() } else { format!("{wide} rows and columns") };
-    Ok(Finding::at_least(
-        "border",
-        [share, 0.0, BORDER],
-        Grade::Warning,
-        format!(
-            "the outermost {rows} at each side give {:.0} % of the light that white has there",
-            100.0 * share
-        ),
-        format!("at least {:.0} %", 100.0 * BORDER),
-        "switch off overscan and keystone correction in the projector's menu, so that it shows its pixels one to one; or the camera \
-         does not see all of the frame: then leave the border dark",
-    ))
+    let found = format!(
+        "the outermost {rows} at each side give {:.0} % of the light that white has there",
+        100.0 * share
+    );
+    let expected = format!("at least {:.0} %", 100.0 * BORDER);
+    let help = "switch off overscan and keystone correction in the projector's menu, so that it shows its pixels one to one; or the camera \
+                does not see all of the frame: then leave the border dark";
+    Ok(Finding::at_least("border", [share, 0.0, BORDER], Grade::Warning, found, expected, help))
 }
 
 /// Compares the sharpness of fine stripes and coarse stripes. The fine stripes are shown in two positions, a quarter of a period apart, so
@@ -111,18 +107,14 @@ fn sharpness(probe: &mut Probe<'_>) -> Result<Finding> {
     let sharp = 4.0 / std::f64::consts::PI * pixel.sin() / pixel;
     let frequency = std::f64::consts::TAU / fine as f64;
     let blur = (2.0 * (sharp / contrast).ln().max(0.0)).sqrt() / frequency;
-    Ok(Finding::at_most(
-        "sharpness",
-        [blur, 0.0, BLUR],
-        Grade::Warning,
-        format!(
-            "stripes of {} projector pixels are blurred by {blur:.2} projector pixels, or {:.2} of the camera's (standard deviation)",
-            fine / 2,
-            blur * ratio
-        ),
-        format!("at most {BLUR} projector pixels"),
-        "focus the camera (`krylux rig preview`), then the projector, and close the camera's aperture; a scene of wax or marble blurs as well",
-    ))
+    let found = format!(
+        "stripes of {} projector pixels are blurred by {blur:.2} projector pixels, or {:.2} of the camera's (standard deviation)",
+        fine / 2,
+        blur * ratio
+    );
+    let expected = format!("at most {BLUR} projector pixels");
+    let help = "focus the camera (`krylux rig preview`), then the projector, and close the camera's aperture; a scene of wax or marble blurs as well";
+    Ok(Finding::at_most("sharpness", [blur, 0.0, BLUR], Grade::Warning, found, expected, help))
 }
 
 /// The distance between dots and the side of a dot, in projector pixels. A ghost repeats all dots with the same displacement, whereas light
@@ -161,14 +153,10 @@ pub(crate) fn ghost(probe: &mut Probe<'_>) -> Result<Finding> {
         ),
         None => "dots have no second image that stands out".into(),
     };
-    Ok(Finding::graded(
-        "ghost",
-        if is_double { Grade::Warning } else { Grade::Ok },
-        text,
-        format!("at most {:.0} %", 100.0 * GHOST),
-        "use a beam splitter with an anti-reflection coating on its back, or a pellicle; clean the lenses; glass in front of the scene \
-         has the same effect",
-    ))
+    let grade = if is_double { Grade::Warning } else { Grade::Ok };
+    let help = "use a beam splitter with an anti-reflection coating on its back, or a pellicle; clean the lenses; glass in front of the scene \
+                has the same effect";
+    Ok(Finding::graded("ghost", grade, text, format!("at most {:.0} %", 100.0 * GHOST), help))
 }
 
 /// The strongest second image of a photo of dots: its strength relative to the first image, and its displacement in projector pixels. The
@@ -237,10 +225,10 @@ fn correlation(light: &[f64], size: Resolution, [right, down]: [i64; 2]) -> f64 
 mod tests {
     use super::*;
     use crate::bench::rig_check::probe::take;
+    use crate::bench::rig_check::recorded;
     use crate::image::Resolution;
     use crate::measure::CaptureRequest;
     use crate::measure::simulated::Simulated;
-    use std::ops::ControlFlow;
 
     /// For each of `coarse` pixels in a row, the weights of the `fine` pixels that it covers. The two kinds of pixels span the same field.
     fn shares(coarse: usize, fine: usize) -> Vec<Vec<(usize, f64)>> {
@@ -398,12 +386,8 @@ mod tests {
     fn a_small_projector_has_room_for_the_border_alone() {
         for (height, names) in [(23, &["border"][..]), (24, &["border", "sharpness", "ghost"])] {
             let size = Resolution::new(32, height);
-            let all = found([size; 2], <[f64]>::to_vec, |probe| {
-                let mut report = |_: &Finding| ControlFlow::Continue(());
-                let mut recorder = Recorder::new(&mut report);
-                picture(probe, &mut recorder)?;
-                Ok(recorder.findings.all)
-            });
+            let all =
+                found([size; 2], <[f64]>::to_vec, |probe| Ok(recorded(|recorder| picture(probe, recorder))));
             assert_eq!(all.iter().map(|finding| &*finding.name).collect::<Vec<_>>(), names);
         }
     }

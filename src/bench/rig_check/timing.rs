@@ -76,20 +76,16 @@ fn pulsed(probe: &Probe<'_>, spread: f64, error: f64, base: f64) -> Finding {
     let bound = if probe.is_known { PULSES } else { PULSES_UNCALIBRATED };
     let is_pulsed = spread - 3.0 * error > bound;
     let what = if is_pulsed { ": the projector's light is pulsed (PWM or a colour wheel)" } else { "" };
-    Finding::at_most(
-        "pulses",
-        [spread, error, bound],
-        Grade::Warning,
-        format!(
-            "white's light per second differs by {:.1} % between exposures of {} to {} s{what}",
-            100.0 * spread,
-            decimal(EXPOSURES[0] * base, 4),
-            decimal(EXPOSURES[2] * base, 4)
-        ),
-        format!("at most {:.0} %", 100.0 * bound),
-        "use only exposures that are whole multiples of the projector's refresh (the program chooses such ones where frame_time is \
-         right), and long ones; an LCD or LCoS projector shows steadily",
-    )
+    let found = format!(
+        "white's light per second differs by {:.1} % between exposures of {} to {} s{what}",
+        100.0 * spread,
+        decimal(EXPOSURES[0] * base, 4),
+        decimal(EXPOSURES[2] * base, 4)
+    );
+    let expected = format!("at most {:.0} %", 100.0 * bound);
+    let help = "use only exposures that are whole multiples of the projector's refresh (the program chooses such ones where frame_time is \
+                right), and long ones; an LCD or LCoS projector shows steadily";
+    Finding::at_most("pulses", [spread, error, bound], Grade::Warning, found, expected, help)
 }
 
 /// Photographs black, and then white right after it without waiting for white to settle. Restores `settle`.
@@ -127,28 +123,22 @@ fn rolling(probe: &Probe<'_>, first: f64, last: f64) -> Finding {
             decimal((last - first) * probe.exposure, 4)
         )
     } else {
-        format!(
-            "all rows see the same of a frame that was just shown, within {:.1} %",
-            100.0 * (last - first).abs()
-        )
+        let off = 100.0 * (last - first).abs();
+        format!("all rows see the same of a frame that was just shown, within {off:.1} %")
     };
-    Finding::graded(
-        "shutter",
-        if is_rolling { Grade::Warning } else { Grade::Ok },
-        found,
-        format!("within {:.0} %", 100.0 * ROLLING),
-        "set the camera to a global shutter; otherwise wait until the light has settled for all rows (settle in [measurement]), and use \
-         exposures that are whole multiples of the refresh and of the mains period",
-    )
-    .measured(last - first, probe.scatter / SIGMAS, ROLLING)
+    let grade = if is_rolling { Grade::Warning } else { Grade::Ok };
+    let expected = format!("within {:.0} %", 100.0 * ROLLING);
+    let help = "set the camera to a global shutter; otherwise wait until the light has settled for all rows (settle in [measurement]), and use \
+                exposures that are whole multiples of the refresh and of the mains period";
+    let finding = Finding::graded("shutter", grade, found, expected, help);
+    finding.measured(last - first, probe.scatter / SIGMAS, ROLLING)
 }
 
 #[cfg(test)]
 mod tests {
-    use std::ops::ControlFlow;
-
     use super::*;
     use crate::bench::rig_check::probe::take;
+    use crate::bench::rig_check::recorded;
     use crate::image::Resolution;
     use crate::measure::CaptureRequest;
     use crate::measure::simulated::Simulated;
@@ -168,13 +158,11 @@ mod tests {
         let mut frames = Simulated::new(size, size, 16, photo);
         frames.settle = 0.25;
         let photos = take(&mut frames, 1.0).expect("it never fails");
-        let mut report = |_: &Finding| ControlFlow::Continue(());
-        let mut recorder = Recorder::new(&mut report);
         let mut probe = Probe::new(&mut frames, None, &photos, 1.0, true);
-        check(&mut probe, &mut recorder).expect("it never fails");
-        assert_eq!(recorder.findings.all.len(), 1);
+        let mut all = recorded(|recorder| check(&mut probe, recorder));
+        assert_eq!(all.len(), 1);
         assert_eq!(frames.settle, 0.25, "the wait is restored");
-        recorder.findings.all.remove(0)
+        all.remove(0)
     }
 
     #[test]

@@ -44,7 +44,9 @@ pub fn read(path: &Path) -> Result<Image> {
     let image = match kind(path) {
         Some(PictureFormat::Npy) => npy::read_image(path)?,
         Some(PictureFormat::Exr) => exr::read_exr(path, None)?,
-        Some(PictureFormat::Png | PictureFormat::Other) => read_stored(path)?,
+        Some(PictureFormat::Png | PictureFormat::Other) => {
+            stored(path)?.shown().map_err(|fault| unusable(path, fault))?
+        }
         None => return Err(unknown(path)),
     };
     require_finite(path, &image)?;
@@ -174,11 +176,6 @@ fn size(path: &Path) -> Result<Option<Resolution>> {
     stated.map(Some).map_err(|fault| unusable(path, fault))
 }
 
-/// Reads a picture in any format but `.npy` and `.exr`. The pattern has one channel if the file is gray, and three channels otherwise.
-fn read_stored(path: &Path) -> Result<Image> {
-    stored(path)?.shown().map_err(|fault| unusable(path, fault))
-}
-
 /// Reads the numbers in a file as a camera or a script has stored them: no curve, no profile and no orientation is applied. Integers are
 /// levels from 0. The second value is the highest level that the format can hold; `None` for floating-point numbers and `.npy` files.
 ///
@@ -204,6 +201,7 @@ pub fn read_levels(path: &Path) -> Result<(Image, Option<f32>)> {
     Ok((image, levels))
 }
 
+/// The picture in a file of any format but `.npy` and `.exr`.
 fn stored(path: &Path) -> Result<Stored> {
     let bytes = file::read(path)?;
     let samples = max_bytes() / 2;

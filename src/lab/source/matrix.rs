@@ -9,7 +9,7 @@ use crate::io::manifest;
 use crate::io::sparse::{self, MatrixFile, ProductNoise};
 use crate::lab::settings::{ChannelChoice, Settings};
 use crate::measure::RunManifest;
-use crate::operator::Operator;
+use crate::operator::{Operator, product};
 use crate::sparse::{Csr, SparseOperator};
 use crate::transport::Part;
 
@@ -159,9 +159,7 @@ impl ExplicitParts {
             let operator = self.operator(Part::Full, channel)?;
             let x = pattern.plane(if pattern.channels() == 1 { 0 } else { channel });
             Error::check_size("pixels of the pattern", operator.cols(), x.len())?;
-            let mut y = vec![0.0; operator.rows()];
-            operator.apply(&x, &mut y)?;
-            Ok(y)
+            product(operator, &x)
         };
         let planes: Vec<Vec<f64>> = (0..channels).map(photo).collect::<Result<_>>()?;
         Image::from_planes(size, &planes)

@@ -271,13 +271,10 @@ pub(in crate::lab) fn check_settings(kind: SourceKind, path: &Path, settings: &S
 }
 
 pub(in crate::lab) fn scenes_only(option: &str) -> Error {
-    Error::option(
-        option,
-        "the photos of a rig, a run or a matrix are neither replayed from a traced matrix nor traced",
-    )
-    .help("leave it out, or give a scene")
+    let fault = "the photos of a rig, a run or a matrix are neither replayed from a traced matrix nor traced";
+    Error::option(option, fault).help("leave it out, or give a scene")
 }
 
-pub(in crate::lab) fn not_a_rig(path: &Path) -> Error {
+pub(crate) fn not_a_rig(path: &Path) -> Error {
     Error::option("SOURCE", format!("{} is no rig", path.display())).help("give a rig file (.toml)")
 }

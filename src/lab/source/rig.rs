@@ -17,7 +17,6 @@ use crate::lab::{Log, SharedObserver, Truth, layout};
 use crate::measure::{
     Calibration, FrameSource, JournaledFrames, LiveFrames, Opener, RigFile, RigKind, RunManifest,
 };
-use crate::operator::Symmetry;
 use crate::rig::{DeviceOpener, Helper, VirtualRig, VirtualScene};
 use crate::transport::Channels;
 
@@ -39,8 +38,8 @@ pub struct RigSource {
     scene: Option<SceneSource>,
     /// The parts of the rig that a program supplies: the devices, and the text of the rig file if there is no such file.
     program: Handed,
-    /// Symmetric if projector and camera have the same pose and lens. An explicit matrix is assumed to be from such a rig.
-    symmetry: Symmetry,
+    /// Whether projector and camera have the same pose and lens. An explicit matrix is assumed to be from such a rig.
+    symmetric: bool,
     observer: SharedObserver,
 }
 
@@ -121,10 +120,9 @@ impl RigSource {
     ) -> Self {
         let calibration = Calibration::ideal(&devices.projector_info(), &devices.camera_info());
         let symmetric = scene.as_ref().is_none_or(SceneSource::is_symmetric);
-        let symmetry = if symmetric { Symmetry::Symmetric } else { Symmetry::General };
         let program = Handed::default();
         let observer = observer.clone();
-        Self { file, calibration, is_calibrated: false, devices, scene, program, symmetry, observer }
+        Self { file, calibration, is_calibrated: false, devices, scene, program, symmetric, observer }
     }
 
     /// Loads the calibration, if the file names one. Returns whether the file names a calibration.
@@ -149,7 +147,7 @@ impl RigSource {
 
     /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric.
     pub fn is_symmetric(&self) -> bool {
-        self.symmetry == Symmetry::Symmetric
+        self.symmetric
     }
 
     /// The resolution of patterns and of photos. Photos are resampled to this resolution.
@@ -284,7 +282,7 @@ impl RigSource {
             }
             None => opener(None)?,
         };
-        measured(frames, &self.calibration, &self.file, (channels, self.symmetry))
+        measured(frames, &self.calibration, &self.file, (channels, self.symmetric))
     }
 
     /// Stores the data of the rig that a replay needs beside the journal in `folder`: the note, the rig file and the calibration.
@@ -295,11 +293,9 @@ impl RigSource {
             None => crate::file::read(path)?,
         };
         if RigFile::from_bytes(path, &bytes)? != self.file {
-            return Err(Error::data(
-                path.clone(),
-                "the file is not what the rig was opened by, and a run keeps the file",
-            )
-            .help("open the rig by the file as it is, or take its photos without a folder for the run"));
+            let fault = "the file is not what the rig was opened by, and a run keeps the file";
+            return Err(Error::data(path.clone(), fault)
+                .help("open the rig by the file as it is, or take its photos without a folder for the run"));
         }
         journal.note(notes::RIG_FILE, &bytes)?;
         let calibration = calibration_folder(folder);

@@ -85,7 +85,7 @@ impl RunSource {
         let calibration = Calibration::load(&calibration_folder(&self.folder))?;
         let warn = layout::warn_of_damage(&journal, observer);
         let frames = Box::new(JournaledFrames::replay(journal)?.reporting(warn));
-        measured(frames, &calibration, &file, (channels, self.note.symmetry()))
+        measured(frames, &calibration, &file, (channels, self.note.symmetric))
     }
 
     pub(in crate::lab) fn taken(&self, observer: &SharedObserver) -> Result<RunPhotos> {

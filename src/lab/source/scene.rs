@@ -130,11 +130,9 @@ impl SceneSource {
         observer: &SharedObserver,
     ) -> Result<Self> {
         if let Some(option) = settings.view.first_of_file() {
-            return Err(Error::option(
-                option,
-                "it says how a scene's file is read, and this scene is in memory",
-            )
-            .help("leave it out, and give it where the scene is loaded"));
+            let fault = "it says how a scene's file is read, and this scene is in memory";
+            let help = "leave it out, and give it where the scene is loaded";
+            return Err(Error::option(option, fault).help(help));
         }
         let scene = editable.to_scene(settings.view.auto_camera)?;
         traced::check(&scene, observer)?;
@@ -356,11 +354,10 @@ impl SceneSource {
     pub(in crate::lab) fn labels(&self, resolution: Resolution) -> Result<Vec<u8>> {
         let scene = &self.scene;
         if scene.regions.len() > usize::from(NO_REGION) {
-            return Err(Error::scene(
-                &scene.path,
-                format!("its {} regions do not fit a label image", scene.regions.len()),
-            )
-            .help(format!("give at most {NO_REGION} regions by `region` in the extras of nodes or meshes")));
+            let fault = format!("its {} regions do not fit a label image", scene.regions.len());
+            return Err(Error::scene(&scene.path, fault).help(format!(
+                "give at most {NO_REGION} regions by `region` in the extras of nodes or meshes"
+            )));
         }
         let regions = self.tracer().regions(resolution)?;
         Ok(regions.into_iter().map(|region| region.map_or(NO_REGION, |region| region as u8)).collect())

@@ -51,11 +51,8 @@ pub(in crate::lab) fn traced_scene(scene: &SceneSource, rig: &Path) -> Result<Vi
 }
 
 fn projector_of_its_own(rig: &Path) -> Error {
-    Error::option(
-        "--projector-size",
-        format!("{} has as many projector pixels as its scene has", rig.display()),
-    )
-    .help("leave it out, or give --size")
+    let fault = format!("{} has as many projector pixels as its scene has", rig.display());
+    Error::option("--projector-size", fault).help("leave it out, or give --size")
 }
 
 pub(in crate::lab) fn refuse_tracing(rig: &Path, settings: &Settings) -> Result<()> {

@@ -7,6 +7,7 @@ use super::{Engine, LightTransport, Retracing, Shape, direct_diagonal};
 use crate::analysis::LowRank;
 use crate::analysis::low_rank::SavedModel;
 use crate::error::{Error, Result};
+use crate::image::Resolution;
 use crate::io::sparse::ProductNoise;
 use crate::journal::{Identity, Journal};
 use crate::lab::folder::RunFolder;
@@ -28,16 +29,10 @@ impl LightTransport {
         run: Option<(&RunFolder, Option<&Truth>)>,
         observer: &SharedObserver,
     ) -> Result<Self> {
-        let shape = Shape {
-            photos: source.resolution(),
-            patterns: source.projector_resolution(),
-            symmetry: Symmetry::General,
-            channels: channels.count(),
-            block_size: 1,
-        };
-        let journal = |identity: &Identity| -> Result<Option<Journal>> {
+        let shape = Shape::new(source.resolution(), source.projector_resolution(), channels);
+        let journal = |identity: &dyn Fn() -> Result<Identity>| -> Result<Option<Journal>> {
             let Some((run, truth)) = run else { return Ok(None) };
-            let mut journal = layout::open_journal(&run.path, identity, run.resumes, observer)?;
+            let mut journal = layout::open_journal(&run.path, &identity()?, run.resumes, observer)?;
             if let Some(truth) = truth {
                 note(&mut journal, notes::TRUTH, truth)?;
             }
@@ -52,22 +47,15 @@ impl LightTransport {
         };
         match source {
             Source::Scene(scene) => {
-                let journal = match run {
-                    Some(_) => journal(&scene.identity(Identity::new(), channels))?,
-                    None => None,
-                };
-                let symmetry = symmetry(scene.is_symmetric());
+                let journal = journal(&|| Ok(scene.identity(Identity::new(), channels)))?;
+                let shape = shape.symmetric(scene.is_symmetric());
                 let engine = of_scene(scene, settings, channels, observer)?;
-                let shape = Shape { symmetry, ..shape };
                 let mut transport = Self { journal, ..Self::new(engine, shape, observer) };
                 transport.keep_known()?;
                 Ok(transport)
             }
             Source::Rig(rig) => {
-                let mut journal = match run {
-                    Some(_) => journal(&rig.identity()?)?,
-                    None => None,
-                };
+                let mut journal = journal(&|| rig.identity())?;
                 if let (Some(journal), Some((run, _))) = (&mut journal, run) {
                     rig.keep(&run.path, journal)?;
                 }
@@ -104,7 +92,7 @@ impl LightTransport {
             });
         }
         require_channels(channels, run.note.channels)?;
-        let shape = Shape { symmetry: run.note.symmetry(), ..shape };
+        let shape = shape.symmetric(run.note.symmetric);
         let journal = Some(run.journal(observer)?);
         Ok(Self { journal, run: folder, ..Self::new(Engine::JournalOnly, shape, observer) })
     }
@@ -115,7 +103,7 @@ impl LightTransport {
             && (0..source.channels()).try_fold(true, |all, channel| {
                 Ok(all && parts.operator(Part::Full, channel)?.symmetry() == Symmetry::Symmetric)
             })?;
-        let shape = Shape { symmetry: symmetry(is_symmetric), channels: source.channels(), ..shape };
+        let shape = Shape { channels: source.channels(), ..shape.symmetric(is_symmetric) };
         Ok(Self::new(Engine::Explicit(Box::new(parts)), shape, observer))
     }
 
@@ -127,20 +115,14 @@ impl LightTransport {
     ) -> Result<Self> {
         require_channels(channels, model.channels.len())?;
         let symmetric = model.channels.iter().all(LowRank::is_symmetric);
-        let shape = Shape { symmetry: symmetry(symmetric), ..shape };
         let engine = Engine::Model(Box::new(ModelParts::new(model)?));
-        Ok(Self::new(engine, shape, observer))
+        Ok(Self::new(engine, shape.symmetric(symmetric), observer))
     }
 
     pub(in crate::lab) fn of_assembled(traced: Arc<Assembled>, observer: &SharedObserver) -> Self {
         let matrix = &traced.matrix;
-        let shape = Shape {
-            photos: matrix.resolution(),
-            patterns: matrix.projector_resolution(),
-            symmetry: symmetry(matrix.is_symmetric()),
-            channels: matrix.channels().count(),
-            block_size: 1,
-        };
+        let shape = Shape::new(matrix.resolution(), matrix.projector_resolution(), matrix.channels());
+        let shape = shape.symmetric(matrix.is_symmetric());
         Self::new(Engine::Replayed(traced), shape, observer)
     }
 
@@ -152,13 +134,9 @@ impl LightTransport {
         observer: &SharedObserver,
     ) -> Result<Self> {
         require_photo_memory(scene, without_matrix(settings), channels)?;
-        let shape = Shape {
-            photos: scene.settings.resolution,
-            patterns: scene.settings.projector.unwrap_or(scene.settings.resolution),
-            symmetry: symmetry(scene.is_symmetric()),
-            channels: channels.count(),
-            block_size: 1,
-        };
+        let photos = scene.settings.resolution;
+        let patterns = scene.settings.projector.unwrap_or(photos);
+        let shape = Shape::new(photos, patterns, channels).symmetric(scene.is_symmetric());
         Ok(Self::new(retracing(scene, channels, false), shape, observer))
     }
 
@@ -207,11 +185,8 @@ fn require_channels(channels: Channels, found: usize) -> Result<()> {
     if channels.count() == found {
         return Ok(());
     }
-    Err(Error::option(
-        "--channels",
-        format!("the run's photos have {found} channels, not {}", channels.count()),
-    )
-    .help("give the channels of that run"))
+    let fault = format!("the run's photos have {found} channels, not {}", channels.count());
+    Err(Error::option("--channels", fault).help("give the channels of that run"))
 }
 
 /// The engine that the settings choose. `Auto` chooses the matrix unless its size exceeds the memory limit.
@@ -224,11 +199,8 @@ fn of_scene(
     let retrace = match settings.operator.choice {
         OperatorChoice::Replay => false,
         OperatorChoice::Retrace if settings.operator.backend != Backend::Auto => {
-            return Err(Error::option(
-                "--products",
-                "photos that are traced anew are not products with a matrix",
-            )
-            .help("leave it out, or give --operator replay"));
+            let fault = "photos that are traced anew are not products with a matrix";
+            return Err(Error::option("--products", fault).help("leave it out, or give --operator replay"));
         }
         OperatorChoice::Retrace => true,
         OperatorChoice::Auto => {
@@ -275,20 +247,27 @@ pub(in crate::lab) fn require_photo_memory(
     if needed <= limit {
         return Ok(());
     }
-    Err(Error::option(
-        "--size",
-        format!(
-            "a photo of {} pixels takes about {}, more than the {} of --memory",
-            scene.settings.resolution,
-            bytes(needed),
-            bytes(limit)
-        ),
-    )
-    .help("use a smaller --size, or allow more --memory where the machine has it"))
+    let fault = format!(
+        "a photo of {} pixels takes about {}, more than the {} of --memory",
+        scene.settings.resolution,
+        bytes(needed),
+        bytes(limit)
+    );
+    Err(Error::option("--size", fault)
+        .help("use a smaller --size, or allow more --memory where the machine has it"))
 }
 
-fn symmetry(is_symmetric: bool) -> Symmetry {
-    if is_symmetric { Symmetry::Symmetric } else { Symmetry::General }
+impl Shape {
+    /// The shape of a matrix whose symmetry is not known, and whose products take as long together as one by one.
+    fn new(photos: Resolution, patterns: Resolution, channels: Channels) -> Self {
+        let (symmetry, channels) = (Symmetry::General, channels.count());
+        Self { photos, patterns, symmetry, channels, block_size: 1 }
+    }
+
+    fn symmetric(self, is_symmetric: bool) -> Self {
+        let symmetry = if is_symmetric { Symmetry::Symmetric } else { Symmetry::General };
+        Self { symmetry, ..self }
+    }
 }
 
 fn note(journal: &mut Journal, name: &str, value: &impl serde::Serialize) -> Result<()> {

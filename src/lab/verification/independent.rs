@@ -12,7 +12,7 @@ use crate::lab::lock;
 use crate::lab::source::Source;
 use crate::lab::transport::LightTransport;
 use crate::lab::{Lab, LabOperator, Verified};
-use crate::operator::Operator;
+use crate::operator::{Operator, product};
 use crate::render::TraceSettings;
 use crate::transport::{EstimatedProduct, Part, Question, Retraced, pooled, with_other_seed};
 
@@ -58,8 +58,7 @@ impl Lab {
             Source::Rig(_) => {
                 let mut operator = self.channel_operator(part, channel)?;
                 let photo = |question: &Question<'_>| {
-                    let mut product = vec![0.0; operator.rows()];
-                    operator.apply(question.pattern, &mut product)?;
+                    let product = product(&mut operator, question.pattern)?;
                     let error = operator.standard_error() / (product.len().max(1) as f64).sqrt();
                     Ok(EstimatedProduct { error: vec![error; product.len()], product, quadratic: None })
                 };

@@ -7,13 +7,12 @@
 
 mod independent;
 
-use super::Lab;
 use super::source::Source;
+use super::{Lab, Verified};
 use crate::analysis::Segmentation;
 use crate::analysis::low_rank::{Relit, SavedModel};
 use crate::analysis::planes::Planes;
-use crate::analysis::segment::MASKED;
-use crate::analysis::segment::{Cut, KEPT};
+use crate::analysis::segment::{Cut, MASKED};
 use crate::analysis::verification::{
     EigenpairEstimate, Grouped, Predicted as Compared, cut_estimates, eigenpair_estimates, judge,
 };
@@ -67,34 +66,13 @@ struct Eigenpairs<'a> {
 }
 
 /// The verification of eigenpairs, the photos that they predict, and the independent photos.
-type PairsWithPhotos = (VerifiedEigenpairs, Vec<Vec<f64>>, Vec<EstimatedProduct>);
-
-/// A verification of eigenpairs by independent light.
-#[derive(Clone, Debug, PartialEq)]
-pub struct VerifiedEigenpairs {
-    /// The accuracy of the predicted photos of the eigenvectors.
-    pub verification: Verification,
-    /// Estimates of the scene's eigenpairs, one for each pair found. There are none for a rig, since its photo shows all pairs together.
-    pub estimates: Vec<EigenpairEstimate>,
-    /// For each number of groups, the fraction of the pixels that independent light assigns to the same group as the segmentation. It
-    /// limits the confidence of the labels, and is 0 if the verification fails. The list is empty for eigenpairs alone.
-    pub supported: Vec<(usize, f64)>,
-}
-
-impl VerifiedEigenpairs {
-    /// The number of eigenvectors that are only noise of the matrix, in a segmentation that counts `regions` regions. Under independent
-    /// light, such an eigenvector keeps a smaller fraction of its light than [`KEPT`].
-    pub fn refuted(&self, regions: usize) -> usize {
-        let counted = self.estimates.iter().take(regions.saturating_sub(1));
-        counted.filter(|estimate| estimate.quotient[0] + 2.0 * estimate.quotient[1] < KEPT).count()
-    }
-}
+type PairsWithPhotos = (Verified, Vec<Vec<f64>>, Vec<EstimatedProduct>);
 
 impl Lab {
     /// Verifies eigenpairs of one part of the light transport matrix. For a scene, light paths with another seed give the product of each
     /// eigenvector. For a rig, one photo shows the sum of all eigenvectors with random signs. Returns `None` without independent light or
     /// for complex pairs.
-    pub fn verify_eigenpairs(&mut self, part: Part, found: &Eigs) -> Result<Option<VerifiedEigenpairs>> {
+    pub fn verify_eigenpairs(&mut self, part: Part, found: &Eigs) -> Result<Option<Verified>> {
         if found.imaginary_values.iter().any(|&value| value != 0.0) || found.values.is_empty() {
             return Ok(None);
         }
@@ -118,7 +96,7 @@ impl Lab {
         part: Part,
         cut: Cut,
         found: &Segmentation,
-    ) -> Result<Option<VerifiedEigenpairs>> {
+    ) -> Result<Option<Verified>> {
         if cut != Cut::Normalized || found.eigenvectors.len() < 2 {
             return Ok(None);
         }
@@ -198,7 +176,7 @@ impl Lab {
                 decimal(pairs.values[at], 4)
             ))
         });
-        let verified = |verification| VerifiedEigenpairs { verification, estimates, supported: Vec::new() };
+        let verified = |verification: Verification| Verified { estimates, ..verification.into() };
         Ok(verification.map(|verification| (verified(verification), photos, products)))
     }
 

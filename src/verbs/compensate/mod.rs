@@ -9,7 +9,7 @@ use std::str::FromStr;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::options::{count, defaults, method, not_planned, number};
+use super::options::{count, method, not_planned, number};
 use crate::analysis::compensate::{compare_methods, compensate_by_model, compensate_with};
 use crate::analysis::{CompensateOptions, Crosstalk, Precondition, Prior, Target};
 use crate::error::{Error, Result};
@@ -17,7 +17,7 @@ use crate::image::{Image, Resolution};
 use crate::io::{model, name, picture};
 use crate::krylov::{Constraint, Method};
 use crate::lab::{ChannelChoice, GivenArray, Lab, LabOperator, Log, Verb, model_shape, open_model};
-use crate::operator::Operator;
+use crate::operator::product;
 use crate::scene::predicted_direct;
 use crate::transport::{Channels, Part};
 
@@ -143,12 +143,6 @@ impl FromStr for Mixing {
                 entries.len()
             )),
         }
-    }
-}
-
-impl Default for Compensate {
-    fn default() -> Self {
-        defaults()
     }
 }
 
@@ -327,11 +321,7 @@ impl Compensate {
         lab.expect(corrections);
         let found = lab.photos(|_| {
             let mut photograph = |patterns: &[Vec<f64>]| {
-                let photo = |(operator, pattern): (&mut LabOperator, &Vec<f64>)| {
-                    let mut photo = vec![0.0; operator.rows()];
-                    operator.apply(pattern, &mut photo)?;
-                    Ok(photo)
-                };
+                let photo = |(of, pattern): (&mut LabOperator, &Vec<f64>)| product(of, pattern);
                 operators.iter_mut().zip(patterns).map(photo).collect()
             };
             compensate_by_model(&mut model.channels, &target, &options, corrections, &mut photograph)

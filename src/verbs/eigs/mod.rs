@@ -6,7 +6,7 @@ mod singular;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
-use super::options::{LightPart, check_vectors, count, defaults, number};
+use super::options::{LightPart, check_vectors, count, number};
 use crate::analysis::segment::possible;
 use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade, Ratio};
@@ -16,6 +16,7 @@ use crate::krylov::{
     self, Completeness, Confirm, EigsMethod, EigsOptions, HistoryRow, PairStatus, SingularOptions, Start,
     Which, eigs, singular,
 };
+use crate::lab::text::capital;
 use crate::lab::{Answer, Lab, LabOperator, Verb, Verified};
 use crate::operator::{Operator, Symmetry};
 use crate::report::content::Content;
@@ -113,12 +114,6 @@ pub enum Spectrum {
     Pairs(Eigenpairs),
     /// Singular values with their patterns and photos.
     Triplets(SingularTriplets),
-}
-
-impl Default for Eigs {
-    fn default() -> Self {
-        defaults()
-    }
 }
 
 impl Verb for Eigs {
@@ -302,6 +297,11 @@ fn headline(
         found if found == wanted => format!("all {wanted} {name} {how}; {photos} photos"),
         found => format!("{found} of {wanted} {name} {how}; {photos} photos"),
     }
+}
+
+/// The sentence about the answer on its page.
+fn sentence(headline: &str, status: krylov::Status, completeness: Completeness) -> String {
+    format!("{headline}; {status}. {}.", capital(&completeness.to_string()))
 }
 
 /// The finding about convergence: whether all wanted pairs or triplets were found and meet the tolerance. If `strict` is false, residuals

@@ -2,14 +2,14 @@
 
 use serde_json::json;
 
-use super::{Eigs, converged, headline, history, in_words, missing, shape};
+use super::{Eigs, converged, headline, history, in_words, missing, sentence, shape};
 use crate::analysis::EigenpairEstimate;
 use crate::error::Result;
 use crate::finding::Finding;
 use crate::image::Resolution;
 use crate::io::manifest::CheckVerdict;
 use crate::krylov;
-use crate::lab::text::{capital, percent, rounded, signed, with_error};
+use crate::lab::text::{percent, rounded, signed, with_error};
 use crate::lab::{Answer, Lab, Verb, Verified};
 use crate::report::content::{Content, Values};
 use crate::report::html::{Block, Figure};
@@ -153,8 +153,7 @@ impl Answer for Eigenpairs {
     }
 
     fn findings(&self) -> Vec<Finding> {
-        let finding = |is_strict| converged("eigenpairs", &self.found.statuses, self.wanted, is_strict);
-        vec![finding(self.is_strict)]
+        vec![converged("eigenpairs", &self.found.statuses, self.wanted, self.is_strict)]
     }
 
     fn verify(&mut self, lab: &mut Lab) -> Result<Option<Verified>> {
@@ -164,17 +163,12 @@ impl Answer for Eigenpairs {
         }
         self.estimates.clone_from(&verified.estimates);
         self.check = Some(verified.verification.verdict);
-        Ok(Some(Verified { estimates: verified.estimates, ..verified.verification.into() }))
+        Ok(Some(verified))
     }
 
     fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
         let found = &self.found;
-        page.sentence = format!(
-            "{}; {}. {}.",
-            self.headline(),
-            found.stats.status,
-            capital(&found.completeness.to_string())
-        );
+        page.sentence = sentence(&self.headline(), found.stats.status, found.completeness);
         match self.size {
             None => page.strip = None,
             Some(size) => {

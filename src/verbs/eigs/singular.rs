@@ -1,11 +1,11 @@
 //! Singular values with their vectors: arrays, facts and the report page.
 
-use super::{Eigs, converged, headline, history, in_words, missing, shape};
+use super::{Eigs, converged, headline, history, in_words, missing, sentence, shape};
 use crate::error::Result;
 use crate::finding::{Finding, decimal};
 use crate::image::Resolution;
 use crate::krylov::Singular;
-use crate::lab::text::{capital, percent, rounded, with_error};
+use crate::lab::text::{percent, rounded, with_error};
 use crate::lab::{Answer, Lab, Verb};
 use crate::report::content::{Content, Values};
 use crate::report::html::{Block, Figure};
@@ -117,12 +117,7 @@ impl Answer for SingularTriplets {
 
     fn show(&self, _: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
         let found = &self.found;
-        page.sentence = format!(
-            "{}; {}. {}.",
-            self.headline(),
-            found.stats.status,
-            capital(&found.completeness.to_string())
-        );
+        page.sentence = sentence(&self.headline(), found.stats.status, found.completeness);
         if let Some(sizes) = self.sizes {
             let figures = self.figures(sizes, page)?;
             let text = "Signed images of norm 1. Each pattern (right singular vector), projected as far as signs can be, comes back as its photo (left singular vector), σ times as bright; the photo, projected by the exchanged devices, comes back as the pattern.";

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 pub use mask::MaskChoice;
 
-use super::options::{count, defaults, number};
+use super::options::{count, number};
 use crate::analysis::planes::{Planes, norm, relative_error, relative_to};
 use crate::analysis::probe::{Mask, default_sigma, probe, probe_masked};
 use crate::analysis::{Probed, Probing};
@@ -73,12 +73,6 @@ pub enum Paths {
     Far,
     /// Near, without direct light
     NearIndirect,
-}
-
-impl Default for Probe {
-    fn default() -> Self {
-        defaults()
-    }
 }
 
 impl Probe {

@@ -65,6 +65,14 @@ impl Relighting {
         self.relit.iter().filter_map(|relit| relit.errors.last().copied()).reduce(f64::max)
     }
 
+    /// The number of patterns in words.
+    fn patterns(&self) -> String {
+        match self.relit.len() {
+            1 => "1 pattern".to_owned(),
+            count => format!("{count} patterns"),
+        }
+    }
+
     /// The largest error of a relit photo and the largest acceptable error, if both are known.
     fn judged(&self) -> Option<[f64; 2]> {
         Some([self.worst()?, self.max_error?])
@@ -158,21 +166,14 @@ impl Answer for Relighting {
     }
 
     fn headline(&self) -> String {
-        let [patterns, rank] = [self.relit.len(), self.model.rank()];
-        let within = match self.worst() {
-            Some(worst) => format!(" within {} of the true photos", percentage(worst)),
-            None => String::new(),
-        };
-        let patterns = if patterns == 1 { "1 pattern".into() } else { format!("{patterns} patterns") };
+        let (patterns, rank) = (self.patterns(), self.model.rank());
+        let within = self.worst().map(|worst| format!(" within {} of the true photos", percentage(worst)));
+        let within = within.unwrap_or_default();
         format!("{patterns} relit{within}, by a model of rank {rank}; {} photos", self.photos)
     }
 
     fn sentence(&self) -> String {
-        let count = match self.relit.len() {
-            1 => "1 pattern".to_owned(),
-            count => format!("{count} patterns"),
-        };
-        let mut text = format!("A model from {} photos relit {count}", self.model.rank());
+        let mut text = format!("A model from {} photos relit {}", self.model.rank(), self.patterns());
         if self.photos == 0 {
             text += " at no further photo";
         }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::options::{check_vectors, count, defaults, number};
+use super::options::{check_vectors, count, number};
 use super::pattern::Pattern;
 use crate::analysis::low_rank::rank_curve;
 use crate::analysis::planes::{Planes, difference};
@@ -72,12 +72,6 @@ pub struct Questions {
     pub photographs: Vec<(String, Planes)>,
 }
 
-impl Default for Relight {
-    fn default() -> Self {
-        defaults()
-    }
-}
-
 impl Verb for Relight {
     const NAME: &'static str = "relight";
     const NEEDS_PICTURES: bool = true;
@@ -93,11 +87,8 @@ impl Verb for Relight {
 
     fn check_on(&self, lab: &Lab) -> Result<()> {
         if let (SourceKind::Rig, Some(_)) = (lab.kind(), self.max_error) {
-            return Err(Error::option(
-                "--max-error",
-                "a rig does not know the true photos of patterns that it never showed",
-            )
-            .help("leave it out, or give a scene"));
+            let fault = "a rig does not know the true photos of patterns that it never showed";
+            return Err(Error::option("--max-error", fault).help("leave it out, or give a scene"));
         }
         let given = [
             (self.photos.is_some(), "--photos"),
@@ -107,11 +98,9 @@ impl Verb for Relight {
         ];
         if let Some((_, option)) = given.into_iter().find(|(is_given, _)| *is_given && lab.has_model()) {
             let name = lab.name();
-            return Err(Error::option(
-                option,
-                format!("{name} holds a model that is captured already, and no scene to compare it with"),
-            )
-            .help("leave it out, or give the scene or the rig"));
+            let fault =
+                format!("{name} holds a model that is captured already, and no scene to compare it with");
+            return Err(Error::option(option, fault).help("leave it out, or give the scene or the rig"));
         }
         check_vectors("--block", self.block(), lab.projector_resolution().pixels())?;
         // This call reports unusable files before anything is traced.
@@ -162,10 +151,8 @@ impl Verb for Relight {
             // The truth is computed with light paths of another seed, since the model contains the noise of the captured photos.
             let full = lab.independent_operators(Part::Full)?;
             // The removal of interreflections takes hundreds of products. Only the scene's own matrix makes them affordable.
-            let global = match lab.assembled()? {
-                Some(_) => Some(lab.reference_operators(Part::Global)?),
-                None => None,
-            };
+            let has_matrix = lab.assembled()?.is_some();
+            let global = has_matrix.then(|| lab.reference_operators(Part::Global)).transpose()?;
             ask(&mut answer, &questions, [full, global])
         })?;
         Ok(answer)

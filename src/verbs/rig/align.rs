@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::finding::decimal;
 use crate::lab::Log;
 use crate::report::content::Content;
-use crate::verbs::options::{count, defaults, number, png, time};
+use crate::verbs::options::{count, number, png, time};
 
 /// Bring camera and projector to one point: shadows, disparity, symmetry, and which way the camera must go;
 /// round by round, until Ctrl-C
@@ -43,12 +43,6 @@ pub struct Align {
     /// [default: align.png, or the first free one of align-2.png, align-3.png, …]
     #[arg(short = 'o', long = "output", value_name = "FILE.png", value_parser = png)]
     pub file: Option<PathBuf>,
-}
-
-impl Default for Align {
-    fn default() -> Self {
-        defaults()
-    }
 }
 
 impl Align {

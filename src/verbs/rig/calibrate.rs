@@ -14,7 +14,6 @@ use crate::report::content::Content;
 use crate::report::html::{Block, Outcome, Report, Section, Verdict};
 use crate::report::plot::{LinePlot, Series};
 use crate::report::{colormap, figure, run};
-use crate::verbs::options::defaults;
 
 /// Measure a rig's devices from captures alone: responses, noise, pixel map, uneven brightness, latency, drift
 #[derive(clap::Args, Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -45,12 +44,6 @@ pub struct Calibrate {
     /// Go on with the calibration in the folder: no photo that is in its journal is taken again
     #[arg(long, conflicts_with = "overwrite")]
     pub resume: bool,
-}
-
-impl Default for Calibrate {
-    fn default() -> Self {
-        defaults()
-    }
 }
 
 /// A finished calibration.
@@ -157,11 +150,8 @@ fn page(
     calibration: &Calibration,
     report: &CalibrationReport,
 ) -> Result<Report> {
-    let table = Block::Table {
-        headers: ["Of", "Measured"].map(str::to_owned).to_vec(),
-        rows: report.lines().iter().map(|row| row.to_vec()).collect(),
-        caption: String::new(),
-    };
+    let rows = report.lines().iter().map(|row| row.to_vec()).collect();
+    let table = Block::table(["Of", "Measured"], rows, "");
     let map = figure::amounts(
         calibration.registration.projector,
         &footprints(calibration),
@@ -173,12 +163,10 @@ fn page(
     let section =
         |title: &str, text: &str, blocks| Section { title: title.into(), text: text.into(), blocks };
     let taken = report.effort.frames();
+    let sentence = format!("Calibrated from {taken} frames, from captures alone.");
     Ok(Report {
         title: format!("{name} · calibration"),
-        verdict: Verdict {
-            outcome: Outcome::Good,
-            sentence: format!("Calibrated from {taken} frames, from captures alone."),
-        },
+        verdict: Verdict { outcome: Outcome::Good, sentence },
         facts: run::facts(&run.manifest, usize::try_from(taken).unwrap_or(usize::MAX), [], run.seconds()),
         sections: vec![
             section("Figures", "Each with its standard error.", vec![table]),

@@ -12,7 +12,7 @@ use serde_json::json;
 pub use align::Align;
 pub use calibrate::{Calibrate, Calibrated, measured_figures};
 
-use super::options::{count, png, time};
+use super::options::{count, default_values, png, time};
 use super::pattern::Pattern;
 use crate::bench::preview::LivePreview;
 use crate::bench::rig_check::{self, Findings, RigToCheck};
@@ -23,6 +23,8 @@ use crate::measure::{Calibration, CaptureRequest, Effort, FrameSource, RigFile, 
 use crate::report::content::Content;
 use crate::report::stages;
 use crate::rig::{AttachedDevices, CameraInfo, Helper, MonitorInfo, ProjectorInfo, RawFrame, VirtualScene};
+
+default_values!(Align, Calibrate, CheckBench);
 
 /// Refuses a source that is not a rig. `argument` is the command line argument that names the source. Errors: [`Error::Option`].
 pub fn require_rig(path: &Path, argument: &str) -> Result<()> {
@@ -140,12 +142,6 @@ pub struct CheckBench {
     /// The folder of the session's runs; its disk is checked for free space
     #[arg(short = 'o', long = "output", value_name = "DIR", default_value = "out")]
     pub folder: PathBuf,
-}
-
-impl Default for CheckBench {
-    fn default() -> Self {
-        super::options::defaults()
-    }
 }
 
 impl CheckBench {

@@ -310,13 +310,10 @@ impl Answer for Segmented {
     fn findings(&self) -> Vec<Finding> {
         let mut findings = self.segmentation.findings();
         if self.is_undivided {
-            findings.push(Finding::graded(
-                "groups",
-                Grade::Fails,
-                "the light shows one region, which has no groups to tell apart",
-                "two regions or more, where no number of groups is asked for",
-                "ask for a number: --groups 2",
-            ));
+            let found = "the light shows one region, which has no groups to tell apart";
+            let expected = "two regions or more, where no number of groups is asked for";
+            let help = "ask for a number: --groups 2";
+            findings.push(Finding::graded("groups", Grade::Fails, found, expected, help));
         }
         findings.extend(self.agreement());
         findings
@@ -331,8 +328,9 @@ impl Answer for Segmented {
             return Ok(None);
         };
         self.refuted = verified.refuted(self.segmentation.regions.at_one);
-        (self.estimates, self.supported) = (verified.estimates, verified.supported);
-        Ok(Some(Verified { estimates: self.estimates.clone(), ..verified.verification.into() }))
+        self.estimates.clone_from(&verified.estimates);
+        self.supported.clone_from(&verified.supported);
+        Ok(Some(verified))
     }
 
     fn show(&self, lab: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {

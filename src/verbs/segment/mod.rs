@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::options::{count, defaults, not_planned, number};
+use super::options::{count, not_planned, number};
 use crate::analysis::segment::{Capture, feature_view};
 use crate::analysis::separate::SeparateBy;
 use crate::analysis::{Blurred, Coordinates, Cut, SegmentOptions, WithoutDirect, segment::evidence};
@@ -115,12 +115,6 @@ impl FromStr for Pixel {
     }
 }
 
-impl Default for Segment {
-    fn default() -> Self {
-        defaults()
-    }
-}
-
 impl Verb for Segment {
     const NAME: &'static str = "segment";
     const NEEDS_PICTURES: bool = true;
@@ -211,10 +205,8 @@ impl Segment {
         resolution: Resolution,
         options: SegmentOptions,
     ) -> Result<Segmented> {
-        let direct = match self.direct_method() {
-            None => None,
-            Some(by) => Some(by.measure(operator, resolution, options.seed)?),
-        };
+        let by = self.direct_method();
+        let direct = by.map(|by| by.measure(operator, resolution, options.seed)).transpose()?;
         let mut found = match &direct {
             Some(direct) => {
                 self.blurred(&mut WithoutDirect::new(operator, &direct.direct)?, resolution, options)?
@@ -331,13 +323,9 @@ impl Segment {
 
     fn check_pixels(&self, resolution: Resolution) -> Result<()> {
         let outside = |&&Pixel(x, y): &&Pixel| x >= resolution.width || y >= resolution.height;
-        match self.features.iter().find(outside) {
-            None => Ok(()),
-            Some(Pixel(x, y)) => {
-                Err(Error::option("--features", format!("pixel {x},{y} is outside of the picture"))
-                    .help(format!("it has {resolution} pixels; columns and rows are counted from 0")))
-            }
-        }
+        let Some(Pixel(x, y)) = self.features.iter().find(outside) else { return Ok(()) };
+        Err(Error::option("--features", format!("pixel {x},{y} is outside of the picture"))
+            .help(format!("it has {resolution} pixels; columns and rows are counted from 0")))
     }
 
     /// Refuses options that need a symmetric matrix.

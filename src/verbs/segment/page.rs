@@ -109,10 +109,8 @@ impl Segmented {
 
     /// The fraction of pixels whose labels are certain, as the end of a caption.
     fn sure(&self, groups: usize) -> String {
-        match self.share_of_sure(groups) {
-            Some(share) => format!(", {:.1} % of the pixels are sure of theirs", 100.0 * share),
-            None => String::new(),
-        }
+        let text = |share| format!(", {:.1} % of the pixels are sure of theirs", 100.0 * share);
+        self.share_of_sure(groups).map(text).unwrap_or_default()
     }
 
     /// Further table columns: the eigenvalues of the scene and the localization of eigenvectors, if there are any.

@@ -154,10 +154,8 @@ impl Answer for Separated {
 
     fn headline(&self) -> String {
         let share = Ratio::of(norm(&self.global), norm(&sum(&self.direct, &self.global)), 0.0);
-        let direct = match self.error() {
-            Some(error) => format!("; direct light within {}", percentage(error)),
-            None => String::new(),
-        };
+        let direct = self.error().map(|error| format!("; direct light within {}", percentage(error)));
+        let direct = direct.unwrap_or_default();
         let photos = if self.photos() > 0 { format!("{} photos", self.photos()) } else { "no photo".into() };
         format!("global light is {} of the light under white{direct}; {photos}", percentage(share))
     }

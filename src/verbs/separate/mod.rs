@@ -7,7 +7,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::options::{check_vectors, count, defaults, number};
+use super::options::{check_vectors, count, number};
 use crate::analysis::planes::Planes;
 use crate::analysis::probe::default_sigma;
 use crate::analysis::separate::{
@@ -85,12 +85,6 @@ pub enum SeparationMethod {
     Capture,
 }
 
-impl Default for Separate {
-    fn default() -> Self {
-        defaults()
-    }
-}
-
 impl Verb for Separate {
     const NAME: &'static str = "separate";
     const NEEDS_PICTURES: bool = true;
@@ -131,7 +125,10 @@ impl Verb for Separate {
             lab.without_journal();
         }
         lab.prepare()?;
-        let exact = if knows_direct { Some(lab.timed("exact bounces", exact_bounces)?) } else { None };
+        // The light of one bounce, and the light of two or more bounces, both under white.
+        let bounces =
+            |lab: &mut Lab| -> Result<_> { Ok([lab.white_of(Part::Direct)?, lab.white_of(Part::Global)?]) };
+        let exact = knows_direct.then(|| lab.timed("exact bounces", bounces)).transpose()?;
         let mut found = match self.by(lab) {
             Some(by) => self.by_photos(lab, by, exact.as_ref())?,
             // Only a source that knows its direct light uses the exact method.
@@ -228,11 +225,6 @@ impl Separate {
         let pixels = (lab.projector_resolution(), homes.as_deref());
         near_far(&mut operators, pixels, options, global, matrices.as_deref()).map(Some)
     }
-}
-
-/// The light of one bounce, and the light of two or more bounces, both under white.
-fn exact_bounces(lab: &mut Lab) -> Result<[Planes; 2]> {
-    Ok([lab.white_of(Part::Direct)?, lab.white_of(Part::Global)?])
 }
 
 #[cfg(test)]

@@ -77,7 +77,7 @@ fn a_map_that_has_moved_since() {
 fn structured_light_and_a_preview() {
     let rig = realistic();
     let mut live = frames(&rig, 0.03);
-    let mut text = digits::text(&StructuredLight::white_exposure(&mut live).expect("white is seen"));
+    let mut text = digits::text(&StructuredLight::white_exposure(None, &mut live).expect("white is seen"));
     let ramp = (0..SIZE.pixels()).map(|pixel| (pixel % 32) as f32 / 31.0).collect();
     let image = Image::new(SIZE, 1, ramp).expect("a sample for each pixel");
     let (mut preview, _) = LivePreview::new(Box::new(live), None, &image, None).expect("white is seen");
