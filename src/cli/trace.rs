@@ -12,7 +12,8 @@ use crate::lab::{CacheChoice, TraceOverrides};
 pub(super) struct TraceArgs {
     #[command(flatten)]
     pub(super) overrides: TraceOverrides,
-    /// The graphics adapter whose name contains this; `krylux info` lists them
+    /// The graphics adapter whose name contains this; `krylux info` lists them. all: those that are equal to the fastest one share the light paths of a
+    /// matrix
     #[arg(long, value_name = "NAME")]
     pub(super) adapter: Option<String>,
     #[command(flatten)]

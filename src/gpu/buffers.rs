@@ -10,7 +10,7 @@ use wgpu::util::DeviceExt;
 use super::Gpu;
 use crate::error::{Error, Result};
 
-/// The size in bytes of the pieces that [`Gpu::storage`] uploads. Two pieces are in flight at a time.
+/// The size in bytes of the pieces that [`Gpu::fill`] uploads. Two pieces are in flight at a time.
 const PIECE: usize = 32 << 20;
 
 /// The maximum time in which another thread delivers results that are ready.
@@ -27,17 +27,22 @@ impl Gpu {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let size = bytes.len().max(size_of::<T>()) as u64;
         let buffer = self.buffer(label, size, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
+        self.fill(label, &buffer, 0, bytes).map(|()| buffer)
+    }
+
+    /// Uploads `bytes` to a place in a buffer, piece by piece. Fails with [`Error::Device`] if the device fails.
+    pub(crate) fn fill(&self, label: &str, buffer: &wgpu::Buffer, place: u64, bytes: &[u8]) -> Result<()> {
         let mut before = None;
         for (index, piece) in bytes.chunks(PIECE).enumerate() {
             let submission = self.guarded(label, || {
-                self.queue.write_buffer(&buffer, (index * PIECE) as u64, piece);
+                self.queue.write_buffer(buffer, place + (index * PIECE) as u64, piece);
                 self.queue.submit([])
             })?;
             if let Some(before) = before.replace(submission) {
                 self.wait(Some(before))?;
             }
         }
-        Ok(buffer)
+        Ok(())
     }
 
     pub(crate) fn buffer(&self, label: &str, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buffer> {

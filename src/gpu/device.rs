@@ -21,6 +21,9 @@ const SOFTWARE: &str = "software";
 /// before the driver starts to evict data.
 const MEMORY_SHARE: u8 = 80;
 
+/// The name that stands for all adapters that are equal to the fastest one.
+pub(crate) const ALL: &str = "all";
+
 /// The maximum address space, in bytes, that a graphics driver reserves for a small scene. 600 MiB were enough for software Vulkan, and 400
 /// MiB were not.
 const ADDRESS_SPACE: u64 = 1 << 30;
@@ -168,9 +171,10 @@ impl Driver {
 }
 
 impl Gpu {
-    /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, an adapter of the fastest kind. `turn` selects one of
-    /// several equal adapters.
+    /// Opens the adapter whose name contains `wanted`, ignoring case; for `None` or [`ALL`], an adapter of the fastest kind. `turn` selects
+    /// one of several equal adapters.
     pub(crate) fn open(wanted: Option<&str>, turn: usize) -> Result<Self> {
+        let wanted = wanted.filter(|name| *name != ALL);
         let open = |share: Option<u8>| {
             Driver::with(share, |driver| {
                 let index = driver.choose(wanted, turn)?;
@@ -186,6 +190,20 @@ impl Gpu {
             Some(gpu) => Ok(gpu),
             None => open(second)?.ok_or_else(no_adapter),
         }
+    }
+
+    /// Opens the other adapters that are equal to this one.
+    pub(crate) fn open_equals(&self) -> Result<Vec<Self>> {
+        let name = &self.summary.name;
+        let count = adapters()?.iter().filter(|adapter| adapter.name == *name).count();
+        (1..count).map(|turn| Self::open(Some(name), turn)).collect()
+    }
+
+    /// A device of its own on the fastest adapter, which stands for another card.
+    #[cfg(test)]
+    pub(crate) fn another_for_tests() -> Self {
+        let share = if may_have_gpu() { Some(MEMORY_SHARE) } else { None };
+        Driver::with(share, |driver| Self::on(&driver.adapters[0])).expect("the adapter opens again")
     }
 
     fn on(adapter: &wgpu::Adapter) -> Result<Self> {

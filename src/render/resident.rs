@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::batch::RecordLayout;
 use super::dispatch::PathWork;
 use super::launch::{Output, record_bytes};
-use super::settings::{TraceSettings, TraceSummary};
+use super::settings::{StartPixels, TraceSettings, TraceSummary};
 use super::strategy::Strategy;
 use super::tracer::{kernel, step};
 use super::{Tracer, dispatch};
@@ -34,8 +34,8 @@ pub(crate) struct ResidentPaths {
 
 /// Takes the records of paths on the device that traced them.
 pub(crate) trait Consumer {
-    /// Prepares for the paths from one endpoint of the rig, whose records will be in `records`. `paths` is their number.
-    fn begin(&mut self, layout: &RecordLayout, paths: u64, records: &wgpu::Buffer) -> Result<()>;
+    /// Prepares for the paths from one endpoint of the rig with these numbers, whose records will be in `records`.
+    fn begin(&mut self, layout: &RecordLayout, paths: Range<u64>, records: &wgpu::Buffer) -> Result<()>;
 
     /// The number of paths of the dispatch that begins with `first_path`. It should be at most `most`, if the consumer can take so few.
     fn paths_from(&self, first_path: u64, most: u32) -> u32;
@@ -52,15 +52,15 @@ pub(crate) trait Consumer {
 }
 
 impl Tracer {
-    /// Works like [`Tracer::trace`], but `consumer` takes the records on the device. The rays and the unfinished paths are not counted here.
+    /// Works like [`Tracer::trace_from`], but `consumer` takes the records on the device. The rays and the unfinished paths are not counted here.
     pub(crate) fn trace_resident(
         &mut self,
         settings: &TraceSettings,
+        pixels: &StartPixels,
         consumer: &mut dyn Consumer,
     ) -> Result<TraceSummary> {
         let strategies = self.resident_strategies(settings)?;
-        let pixels = self.start_pixels(settings);
-        self.run_each(&strategies, &pixels, |tracer, strategy, paths, total, summary| {
+        self.run_each(&strategies, pixels, |tracer, strategy, paths, total, summary| {
             tracer.run_resident(strategy, paths, total, summary, consumer)
         })
     }
@@ -85,7 +85,7 @@ impl Tracer {
         };
         let (chains, light_buffer) = (&strategy.chains, &strategy.light_buffer);
         let output = Output::new(gpu, &kernel.pipeline, scene, chains, light_buffer, results)?;
-        consumer.begin(&strategy.layout, left.end - left.start, &output.results.buffer)?;
+        consumer.begin(&strategy.layout, left.clone(), &output.results.buffer)?;
         kernel.sizer.begin(PathWork::of(&strategy.parameters));
         if !gpu.summary.is_processor() {
             kernel.sizer.start_with(FIRST_PATHS);

@@ -18,6 +18,7 @@ use super::settings::{StartPixels, TraceSettings, TraceSummary};
 use super::strategy::{Endpoints, Strategy};
 use crate::error::{Error, Result};
 use crate::gpu::buffers::Results;
+use crate::gpu::device::ALL;
 use crate::gpu::{AdapterSummary, Gpu};
 use crate::image::Resolution;
 use crate::observer::{Estimate, Observer, Step};
@@ -42,16 +43,21 @@ pub struct Tracer {
     pub(super) observer: Arc<dyn Observer + Send + Sync>,
     /// The handle of the scene in a team of processes, each of which traces a part.
     remote: Option<Arc<Remote>>,
+    /// Tracers of the same scene on other devices, which help to assemble a matrix.
+    pub(crate) others: Vec<Tracer>,
 }
 
 impl Tracer {
     /// Opens the adapter whose name contains `adapter`, or the fastest adapter for `None`, and moves the scene to it. Fails with
     /// [`Error::NoAdapter`] if there is no Vulkan driver, and with [`Error::Device`] if the scene does not fit.
+    ///
+    /// The name `all` stands for all adapters that are equal to the fastest one. They share the paths of a matrix that is assembled on the
+    /// device; everything else is traced by the first one.
     pub fn new(scene: &Scene, adapter: Option<&str>) -> Result<Self> {
-        Self::open_turn(scene, adapter, 0)
+        Self::open_turn(scene, adapter, 0)?.with_equals(adapter, scene)
     }
 
-    /// Works like [`Tracer::new`], errors included. If there are several equal adapters, `turn` selects one of them.
+    /// Works like [`Tracer::new`], errors included, but opens one adapter only. If there are several equal adapters, `turn` selects one.
     pub fn open_turn(scene: &Scene, adapter: Option<&str>, turn: usize) -> Result<Self> {
         Self::on(Gpu::open(adapter, turn)?, scene)
     }
@@ -73,7 +79,7 @@ impl Tracer {
             (scene, gpu)
         });
         let scene = scene?;
-        let tracer = Self::on(gpu?, &scene)?;
+        let tracer = Self::on(gpu?, &scene)?.with_equals(adapter, &scene)?;
         Ok((scene, tracer))
     }
 
@@ -93,13 +99,35 @@ impl Tracer {
             resident: None,
             observer: Arc::new(()),
             remote: None,
+            others: Vec::new(),
         })
+    }
+
+    /// Lets the devices of all equal adapters help if `adapter` asks for all.
+    fn with_equals(mut self, adapter: Option<&str>, scene: &Scene) -> Result<Self> {
+        if adapter == Some(ALL) {
+            let equals = self.gpu.open_equals()?;
+            self.help_by(equals, scene)?;
+        }
+        Ok(self)
+    }
+
+    /// Lets these devices help to assemble the matrix of `scene`, the tracer's own scene.
+    pub(crate) fn help_by(&mut self, others: Vec<Gpu>, scene: &Scene) -> Result<()> {
+        self.others = others.into_iter().map(|gpu| Self::on(gpu, scene)).collect::<Result<_>>()?;
+        Ok(())
+    }
+
+    /// The number of devices that assemble a matrix.
+    pub fn devices(&self) -> usize {
+        1 + self.others.len()
     }
 
     /// Compiles kernels from now on with the help of `kept`, the data that an earlier process got from [`Tracer::compiled_kernels`] for the
     /// same adapter. Kernels of another device, driver or version are ignored. Call it before the first trace.
     pub fn restore_kernels(&mut self, kept: Option<&[u8]>) {
         self.gpu.restore_compiled(kept);
+        self.others.iter_mut().for_each(|other| other.restore_kernels(kept));
     }
 
     /// All compiled kernels, including those of [`Tracer::restore_kernels`], for later processes. It is `None` if there are no new kernels,
@@ -231,6 +259,7 @@ impl Tracer {
         self.resident = None;
         self.gpu.free_scratch();
         self.chains = ChainCache::default();
+        self.others.iter_mut().for_each(Self::release_buffers);
     }
 
     /// Traces the paths of one strategy with these numbers. `total` counts the paths of all strategies, for the observer.

@@ -182,7 +182,11 @@ impl SceneSource {
         }
         let adapter = tracer.adapter().clone();
         let AdapterSummary { name, kind, driver_version, .. } = &adapter;
-        observer.detail(format_args!("adapter   {name} ({kind}), {driver_version}"));
+        let several = match tracer.devices() {
+            1 => String::new(),
+            count => format!("; {count} of them"),
+        };
+        observer.detail(format_args!("adapter   {name} ({kind}), {driver_version}{several}"));
         // The scene's rig may define the resolution of the projector.
         let trace = TraceSettings { projector: trace.projector.or(scene.projector_resolution), ..trace };
         // The settings are checked before a pattern of this resolution is made.

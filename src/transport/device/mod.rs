@@ -14,6 +14,7 @@ mod kernels;
 mod parts;
 mod rows;
 mod self_test;
+mod several;
 #[cfg(test)]
 mod tests;
 
@@ -60,7 +61,7 @@ impl Limits {
 /// The maximum number of parts of a pixel. Software Vulkan leaves a loop after 65,535 iterations without an error.
 const MOST_PARTS: u32 = 1 << 15;
 
-/// Traces the scene and assembles its matrix on the device. The observer sees the steps.
+/// Traces the scene and assembles its matrix on the device, with the help of the tracer's other devices. The observer sees the steps.
 ///
 /// # Errors
 /// [`Error::Device`] if the device lacks memory or `f64`, or failed its self-test; otherwise like [`Tracer::trace`].
@@ -70,17 +71,14 @@ pub(super) fn assemble(
     channels: Channels,
     split: bool,
 ) -> Result<Assembled> {
-    let gpu = tracer.gpu().clone();
-    gpu.require_double_precision("sums of light")?;
-    // The device is tested while the tracer prepares.
-    let (works, layouts) =
-        rayon::join(|| self_test::require_working(&gpu, channels), || tracer.prepare_resident(settings));
-    works?;
-    let rig = shape(tracer, settings);
-    let limits = Limits::of(&gpu, channels.count());
-    let assembly = Assembling::new(&gpu, rig, channels, (settings.samples, split), &layouts?, limits)?;
+    let layouts = several::prepared(tracer, settings, channels)?;
+    let (gpu, rig) = (tracer.gpu().clone(), shape(tracer, settings));
+    let assembly = Assembling::new(&gpu, rig, channels, (settings.samples, split), &layouts, None)?;
     let mut parts = Parts::new(&assembly)?;
-    let summary = tracer.trace_resident(settings, &mut parts)?;
+    let mut others = std::mem::take(&mut tracer.others);
+    let summary = several::trace((tracer, &mut others), settings, (channels, split), &mut parts);
+    tracer.others = others;
+    let summary = summary?;
     let (assembled, unfinished) = assembly.finish(&parts, summary)?;
     if unfinished > 0 {
         return Err(tracer.unfinished(unfinished, summary.paths));
@@ -101,15 +99,17 @@ struct Assembling<'a> {
 }
 
 impl<'a> Assembling<'a> {
-    /// Prepares for paths whose records have these layouts: one for a coaxial rig, or one for the camera and one for the projector.
+    /// Prepares for paths whose records have these layouts: one for a coaxial rig, or one for the camera and one for the projector. Without
+    /// `limits`, the device's own hold.
     fn new(
         gpu: &'a Gpu,
         rig: RigShape,
         channels: Channels,
         (samples, is_split): (u32, bool),
         layouts: &[RecordLayout],
-        limits: Limits,
+        limits: Option<Limits>,
     ) -> Result<Self> {
+        let limits = limits.unwrap_or_else(|| Limits::of(gpu, channels.count()));
         let direct = layouts.first().is_some_and(|layout| layout.direct);
         let classes = ClassRange::of(direct, is_split);
         let divided = |layout: &RecordLayout| Assembly::default().divided(layout.samples, layout.most_ends());

@@ -13,6 +13,7 @@ use crate::gpu::Lent;
 use crate::gpu::buffers::Readback;
 use crate::gpu::pipeline::Step;
 use crate::render::{Consumer, RecordLayout, ResidentPaths};
+use crate::transport::Channels;
 use crate::transport::contributions::CLASSES;
 
 /// How the samples of a pixel are divided into parts. Each part lies within one half of the samples, and has at most [`MOST_OF_PART`]
@@ -69,14 +70,16 @@ pub(super) struct Arena {
     top: wgpu::Buffer,
     step: Step,
     /// The terms of all dispatches that are done.
-    terms: u64,
+    pub(super) terms: u64,
     room: u64,
 }
 
 /// The terms of the paths from one endpoint of the rig.
 pub(super) struct Endpoint {
     pub(super) layout: RecordLayout,
-    pub(super) paths: u64,
+    /// The number of all paths, and the end of those that this device traces.
+    paths: u64,
+    end: u64,
     /// The parameters that all steps for these paths have in common.
     pub(super) base: Assembly,
     records: wgpu::Buffer,
@@ -94,6 +97,11 @@ impl Endpoint {
 
     pub(super) fn terms(&self) -> u64 {
         self.arenas.iter().map(|arena| arena.terms).sum()
+    }
+
+    /// The number of sums in `heads` for each part.
+    pub(super) fn heads_of_part(&self, channels: Channels) -> usize {
+        if self.layout.direct || self.layout.ambient { 2 * channels.count() } else { 0 }
     }
 }
 
@@ -125,7 +133,7 @@ impl ClassRange {
 
 /// Sums the contributions of a trace, dispatch by dispatch.
 pub(super) struct Parts<'a> {
-    of: &'a Assembling<'a>,
+    pub(super) of: &'a Assembling<'a>,
     /// The number of terms of each row of the matrix, and then of each row of its transpose if the rig is not symmetric.
     pub(super) counts: wgpu::Buffer,
     pub(super) endpoints: Vec<Endpoint>,
@@ -137,7 +145,7 @@ pub(super) struct Parts<'a> {
 impl<'a> Parts<'a> {
     pub(super) fn new(of: &'a Assembling<'a>) -> Result<Self> {
         let rows = of.rig.camera.pixels() + if of.rig.symmetric { 0 } else { of.rig.projector.pixels() };
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         let counts = of.gpu.buffer("terms of rows", 4 * rows as u64, usage)?;
         Ok(Self { of, counts, endpoints: Vec::new(), in_flight: VecDeque::new(), finished: 0 })
     }
@@ -151,9 +159,9 @@ impl<'a> Parts<'a> {
         &mut self.endpoints[last]
     }
 
-    /// An empty arena for terms from the part `first` on.
-    fn arena(&self, first: u32, room: u64) -> Result<Arena> {
-        let (gpu, endpoint) = (self.of.gpu, self.current());
+    /// An empty arena of an endpoint, for terms from the part `first` on.
+    pub(super) fn arena(&self, endpoint: &Endpoint, first: u32, room: u64) -> Result<Arena> {
+        let gpu = self.of.gpu;
         let keys = gpu.scratch("keys of terms", 4 * room)?;
         let values = gpu.scratch("values of terms", 4 * room * self.of.channels.count() as u64)?;
         let top = gpu.buffer("number of terms", 4, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
@@ -165,8 +173,11 @@ impl<'a> Parts<'a> {
 }
 
 impl Consumer for Parts<'_> {
-    fn begin(&mut self, layout: &RecordLayout, paths: u64, records: &wgpu::Buffer) -> Result<()> {
+    fn begin(&mut self, layout: &RecordLayout, paths: Range<u64>, records: &wgpu::Buffer) -> Result<()> {
         let (gpu, rig) = (self.of.gpu, self.of.rig);
+        let end = paths.end;
+        let pixels = if layout.from_camera { rig.camera } else { rig.projector }.pixels();
+        let paths = pixels as u64 * u64::from(layout.samples);
         // The numbers of the counts of the camera's pixels come first, and then those of the projector's.
         let after = if rig.symmetric { 0 } else { rig.camera.pixels() as u32 };
         let base = Assembly {
@@ -178,7 +189,7 @@ impl Consumer for Parts<'_> {
             other_base: if layout.from_camera { after } else { 0 },
             ..self.of.base.divided(layout.samples, layout.most_ends())
         };
-        let parts = paths / u64::from(base.samples) * u64::from(base.parts_of_pixel);
+        let parts = pixels as u64 * u64::from(base.parts_of_pixel);
         if u32::try_from(parts).is_err() {
             return Err(Error::device(format!(
                 "the paths have {parts} parts, and a GPU counts to {}",
@@ -190,6 +201,7 @@ impl Consumer for Parts<'_> {
         self.endpoints.push(Endpoint {
             layout: *layout,
             paths,
+            end,
             base,
             records: records.clone(),
             parts: gpu.scratch("parts of paths", 16 * parts)?,
@@ -206,7 +218,7 @@ impl Consumer for Parts<'_> {
 
     fn submit(&mut self, of: &ResidentPaths, trace: &mut dyn FnMut(&mut CommandEncoder)) -> Result<()> {
         let gpu = self.of.gpu;
-        let &Endpoint { layout, paths, base, .. } = self.current();
+        let &Endpoint { layout, end, base, .. } = self.current();
         let first = base.part_of(of.first_path) as u32;
         let parts = base.part_of(of.first_path + u64::from(of.paths)) as u32 - first;
         let most_of = |paths: u64| paths * layout.most_ends() as u64;
@@ -216,8 +228,9 @@ impl Consumer for Parts<'_> {
         let reserved = in_flight.map(|flight| most_of(flight.paths.into())).sum::<u64>() + most;
         let has_room = |arena: &Arena| arena.terms + reserved <= arena.room;
         if !self.current().arenas.last().is_some_and(has_room) {
-            let wanted = most_of(paths - of.first_path);
-            let arena = self.arena(first, wanted.min(self.of.limits.arena).max(most).max(1))?;
+            let wanted = most_of(end - of.first_path);
+            let arena =
+                self.arena(self.current(), first, wanted.min(self.of.limits.arena).max(most).max(1))?;
             self.current_mut().arenas.push(arena);
         }
         let arenas = &mut self.current_mut().arenas;

@@ -121,12 +121,12 @@ impl Known {
         let records = |(layout, pixels)| (layout, self.records(layout, pixels, &mut random));
         let all: Vec<(RecordLayout, Vec<[u32; 4]>)> = self.layouts().into_iter().map(records).collect();
         let layouts: Vec<RecordLayout> = all.iter().map(|(layout, _)| *layout).collect();
-        let assembly = Assembling::new(gpu, rig, self.channels, of, &layouts, limits)?;
+        let assembly = Assembling::new(gpu, rig, self.channels, of, &layouts, Some(limits))?;
         let mut parts = Parts::new(&assembly)?;
         for (layout, records) in &all {
             let buffer = gpu.storage("known records", records)?;
             let paths = (records.len() / layout.stride()) as u32;
-            parts.begin(layout, u64::from(paths), &buffer)?;
+            parts.begin(layout, 0..u64::from(paths), &buffer)?;
             parts.submit(&ResidentPaths { first_path: 0, paths, mark: MARK }, &mut |_| ())?;
             parts.finish()?;
         }

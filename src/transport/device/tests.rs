@@ -137,6 +137,61 @@ fn a_scene_has_the_matrix_of_the_host() {
     }
 }
 
+/// Devices that share the paths make the matrix of one device, to the bit: a coaxial rig, mirrors, a projector apart with fewer pixels than
+/// there are devices, and ambient light.
+#[test]
+fn several_devices_make_the_matrix_of_one() {
+    let mut glowing = builtin::cornell().to_scene();
+    glowing.materials[0].emission = glam::Vec3::new(0.3, 0.2, 0.1);
+    let settings = TraceSettings::new(Resolution::new(15, 9), 40);
+    let narrow = TraceSettings { projector: Some(Resolution::new(2, 1)), ..settings };
+    let cases = [
+        ("ambient light", glowing, settings, (Channels::Rgb, true)),
+        ("a mirrored ball", builtin::mirror_ball().to_scene(), settings, (Channels::Luma, false)),
+        ("a projector apart", apart(builtin::carton().to_scene(), 0.2), settings, (Channels::Luma, true)),
+        ("a narrow projector", apart(builtin::mirror().to_scene(), 0.2), narrow, (Channels::Luma, false)),
+    ];
+    let others: Vec<Gpu> = (0..2).map(|_| Gpu::another_for_tests()).collect();
+    for (name, scene, settings, of) in cases {
+        let one = traced(&scene, true, &settings, of);
+        let mut several = tracer(&scene, true);
+        several.help_by(others.clone(), &scene).expect("the scene fits");
+        assert_eq!(several.devices(), 3);
+        let made = assemble_layers(&mut several, &settings, of.0, of.1).expect("the scene can be traced");
+        assert!(made.is_on_gpu(), "{name}");
+        assert!(made.matrix == one.matrix && made.noise == one.noise, "{name}: the same bits");
+        assert_eq!(made.ambient, one.ambient, "{name}");
+        let costs = |of: &Assembled| (of.summary.paths, of.summary.rays);
+        assert_eq!(costs(&made), costs(&one), "{name}");
+        products(name, &made, &one);
+    }
+}
+
+/// A device that cannot help is named, and the processor assembles the matrix; whoever stops one device stops all.
+#[test]
+fn several_devices_stop_together() {
+    struct Stopping;
+    impl crate::observer::Observer for Stopping {
+        fn step(&self, _: &crate::observer::Step<'_>) -> std::ops::ControlFlow<()> {
+            std::ops::ControlFlow::Break(())
+        }
+    }
+    let (scene, settings) = (builtin::cornell().to_scene(), TraceSettings::new(Resolution::new(16, 16), 8));
+    let mut lame = Gpu::another_for_tests();
+    lame.summary.double_precision = false;
+    let mut several = tracer(&scene, true);
+    several.help_by(vec![lame], &scene).expect("the scene fits");
+    let error = assemble(&mut several, &settings, Channels::Luma, false).map(drop);
+    assert!(error.is_err_and(|error| error.to_string().contains("f64")));
+    let made =
+        assemble_layers(&mut several, &settings, Channels::Luma, false).expect("the processor does it");
+    assert!(!made.is_on_gpu() && several.devices() == 2);
+    several.help_by(vec![Gpu::another_for_tests()], &scene).expect("the scene fits");
+    several.observe(Arc::new(Stopping));
+    let stopped = assemble(&mut several, &settings, Channels::Luma, false).map(drop);
+    assert!(matches!(stopped, Err(Error::Interrupted)), "{stopped:?}");
+}
+
 /// Products on the device, before and after the host has read the matrix, equal those of the host's matrix up to rounding.
 fn products(name: &str, device: &Assembled, host: &Assembled) {
     let [camera, projector] = [host.matrix.rig.camera.pixels(), host.matrix.rig.projector.pixels()];
