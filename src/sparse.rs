@@ -48,6 +48,25 @@ impl Csr {
         Ok(matrix)
     }
 
+    /// Makes the matrix with `cols` columns whose rows have these entries: columns, which ascend strictly, and their values.
+    ///
+    /// # Errors
+    /// As [`Csr::new`].
+    pub(crate) fn of_rows<R: IntoIterator<Item = (u32, f64)>>(
+        cols: usize,
+        rows: impl IntoIterator<Item = R>,
+    ) -> Result<Self> {
+        let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
+        for row in rows {
+            for (column, weight) in row {
+                columns.push(column);
+                weights.push(weight);
+            }
+            row_start.push(columns.len());
+        }
+        Self::new(cols, row_start, columns, weights)
+    }
+
     /// The number of rows.
     pub fn rows(&self) -> usize {
         self.row_start.len() - 1
@@ -133,15 +152,8 @@ impl Csr {
 
     /// The entries on the diagonal alone. Fails only for a malformed matrix.
     pub fn only_diagonal(&self) -> Result<Self> {
-        let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
-        for (row, value) in self.diagonal().into_iter().enumerate() {
-            if value != 0.0 {
-                columns.push(row as u32);
-                weights.push(value);
-            }
-            row_start.push(columns.len());
-        }
-        Self::new(self.cols, row_start, columns, weights)
+        let own = |(row, value)| Some((row as u32, value)).filter(|_| value != 0.0);
+        Self::of_rows(self.cols, self.diagonal().into_iter().enumerate().map(own))
     }
 
     /// The matrix with each row divided by the sum of its entries. A row whose sum is not positive becomes zero.

@@ -37,12 +37,7 @@ pub fn columns(operator: &mut dyn Operator) -> Result<Csr> {
         column += 1;
         Ok(())
     })?;
-    let mut row_start = vec![0];
-    for row in &entries {
-        row_start.push(row_start[row_start.len() - 1] + row.len());
-    }
-    let (columns, weights) = entries.concat().into_iter().unzip();
-    Csr::new(count, row_start, columns, weights)
+    Csr::of_rows(count, entries)
 }
 
 #[cfg(test)]

@@ -79,33 +79,19 @@ impl Operator for Blurred<'_> {
 mod tests {
     use super::*;
     use crate::image::Resolution;
-    use crate::operator::Symmetry;
+    use crate::operator::{Closure, Symmetry};
 
-    /// `A_ij = i j + δ_ij`. A variant that is not symmetric adds a constant for `i < j`.
-    struct Dense(f64);
-
-    impl Operator for Dense {
-        fn rows(&self) -> usize {
-            12
-        }
-
-        fn cols(&self) -> usize {
-            12
-        }
-
-        fn symmetry(&self) -> Symmetry {
-            if self.0 == 0.0 { Symmetry::Symmetric } else { Symmetry::General }
-        }
-
-        fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+    /// `A_ij = i j + δ_ij`. A variant that is not symmetric adds `more` for `i < j`.
+    fn dense(more: f64) -> impl Operator {
+        let symmetry = if more == 0.0 { Symmetry::Symmetric } else { Symmetry::General };
+        Closure::new(12, 12, symmetry, move |x: &[f64], y: &mut [f64]| {
             for (i, y) in y.iter_mut().enumerate() {
-                let entry = |j: usize| {
-                    (i * j) as f64 + f64::from(u8::from(i == j)) + if i < j { self.0 } else { 0.0 }
-                };
+                let entry =
+                    |j: usize| (i * j) as f64 + f64::from(u8::from(i == j)) + if i < j { more } else { 0.0 };
                 *y = (0..12).map(|j| entry(j) * x[j]).sum();
             }
             Ok(())
-        }
+        })
     }
 
     fn column(operator: &mut dyn Operator, j: usize) -> Result<Vec<f64>> {
@@ -118,7 +104,7 @@ mod tests {
     #[test]
     fn without_its_diagonal_and_blurred_on_both_sides_a_matrix_stays_symmetric() -> Result<()> {
         let direct: Vec<f64> = (0..12).map(|i| (i * i) as f64 + 1.0).collect();
-        let mut dense = Dense(0.0);
+        let mut dense = dense(0.0);
         let mut global = WithoutDirect::new(&mut dense, &direct)?;
         for j in 0..12 {
             let column = column(&mut global, j)?;
@@ -139,7 +125,7 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_refused_and_a_general_operator_stays_general() -> Result<()> {
-        let mut dense = Dense(1.0);
+        let mut dense = dense(1.0);
         assert!(WithoutDirect::new(&mut dense, &[1.0]).is_err());
         assert_eq!(WithoutDirect::new(&mut dense, &[0.0; 12])?.symmetry(), Symmetry::General);
         let Some(blur) = Blur::new(Resolution::new(2, 2), 1.0) else { return Ok(()) };

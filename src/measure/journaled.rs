@@ -265,13 +265,8 @@ pub(crate) struct CaptureOrder {
 
 impl CaptureOrder {
     pub(crate) fn of(journal: &Journal) -> Self {
-        let note = |entry| PhotoMetadata::of(entry).map(|note| (note.stamp(), entry.key));
-        let photos: Vec<(u64, Stamp, Key)> = journal
-            .entries()
-            .iter()
-            .filter(|entry| entry.kind == Kind::Photo)
-            .filter_map(|entry| note(entry).map(|(stamp, key)| (entry.offset, stamp, key)))
-            .collect();
+        let photo = |entry| PhotoMetadata::of(entry).map(|note| (entry.offset, note.stamp(), entry.key));
+        let photos: Vec<(u64, Stamp, Key)> = journal.entries().iter().filter_map(photo).collect();
         let lost = journal.damages().iter().filter(|damage| damage.entry.is_none());
         let gaps = lost.filter_map(|damage| {
             let before = photos.iter().rfind(|(offset, ..)| *offset < damage.offset);

@@ -130,7 +130,6 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
     let overlap = |found: &[Vec<f64>], dense: &[Vec<f64>], index: usize| dot(&found[index], &dense[0]).abs();
     // The same photos of the matrix itself, which has no devices.
     let ideal = singular(&mut bench.truth(&stage, Part::Full)?, &options)?;
-    let devices = "Without the devices, on the matrix itself,";
     let mut random = 0.0;
     for pattern in Start::default().block(stage.pixels(), COUNT) {
         let photo = product(&mut light, &super::vectors::unit(pattern))?;
@@ -141,7 +140,7 @@ fn singular_vectors(bench: &mut Bench) -> Result<(Compared, std::sync::Arc<Stage
         Check::of(format!("overlap of the first {what}, with the dense one"))
             .at_least(overlap(found[0], dense, 0), 0.99)
             .refutes("the second one", overlap(found[0], dense, 1))
-            .without(devices, overlap(found[1], dense, 0))
+            .without_devices(overlap(found[1], dense, 0))
     };
     let checks = vec![
         Check::of(format!("error of the {COUNT} largest singular values, the worst, %"))

@@ -74,6 +74,12 @@ impl Check {
         Self { without: Some((effect.into(), value)), ..self }
     }
 
+    /// Adds the same number of the matrix itself, where the devices have no effect.
+    #[must_use]
+    pub(super) fn without_devices(self, value: f64) -> Self {
+        self.without("Without the devices, on the matrix itself,", value)
+    }
+
     /// Whether the number meets its bound, and the wrong answer does not.
     pub fn is_met(&self) -> bool {
         self.limit.allows(self.value) && !self.is_idle()

@@ -160,9 +160,8 @@ fn errors_by_power(pairs: &[[Vec<f64>; 2]], reference: f64) -> Result<Points> {
 
 /// The errors as in [`errors_by_power`], but for the patterns of the Lanczos process.
 fn errors_by_lanczos(process: &Factorization, reference: f64) -> Result<Points> {
-    let entry = |i: usize, j: usize| process.entry(i, j);
     let error = |steps: usize| {
-        let row = |i: usize| (0..steps).map(|j| entry(i, j)).collect();
+        let row = |i: usize| (0..steps).map(|j| process.entry(i, j)).collect();
         let value = spectrum_of_rows(&(0..steps).map(row).collect::<Vec<_>>())?.values[0];
         Ok((steps as f64, (value - reference).abs() / reference))
     };

@@ -294,6 +294,45 @@ impl<'a> Contest<'a> {
                 .refutes(DIVIDED, gained(&divided)?),
         ])
     }
+
+    /// The methods whose patterns can be displayed, with the names of their curves.
+    fn displayed(&self) -> [(&'static str, &MethodRun); 3] {
+        [
+            ("MINRES, then clamped", &self.minres),
+            ("Krylov inside the box", &self.boxed),
+            ("projected Jacobi", &self.jacobi),
+        ]
+    }
+
+    /// The number of frames for each method's first `photos` photos, reported without a bound. There are none for an ideal rig.
+    pub(super) fn frames_taken(&self, photos: usize) -> Vec<Check> {
+        let taken = |(name, entry): (&str, &MethodRun)| {
+            let frames = entry.frames.get(photos - 1).or(entry.frames.last())?;
+            Some(Check::of(format!("frames of {photos} photos, {name}")).stated(*frames as f64))
+        };
+        self.displayed().into_iter().filter_map(taken).collect()
+    }
+
+    /// Plots of residuals after equal numbers of photos and, for a rig, of clamped patterns' residuals after equal numbers of frames.
+    pub(super) fn plots(&self) -> Vec<Plot> {
+        let plot = |caption: &str, axis: &str, lines: Vec<(&str, Points)>| {
+            Plot::logarithmic(caption, [axis, "relative residual"], lines)
+                .marked(self.uncompensated, "uncompensated")
+                .marked(self.optimum, "best inside the box")
+        };
+        let mut lines = vec![("MINRES, not clamped", counted(&self.minres.answered))];
+        lines.extend(self.displayed().map(|(name, run)| (name, counted(&run.displayed))));
+        let caption = "Relative residual by the light itself, at equal photos (the white one not counted).";
+        let mut plots = vec![plot(caption, "photos", lines)];
+        let over_frames = over_frames(&self.displayed());
+        if !over_frames.is_empty() {
+            let caption = "The same, displayed, at equal frames: what the camera takes for each method. A photo of a signed pattern is that of \
+                           two, and every pattern has its takes and exposures; sentinels are among them. Black, white and the choice of exposures \
+                           are common to all methods and not counted.";
+            plots.push(plot(caption, "frames", over_frames));
+        }
+        plots
+    }
 }
 
 pub(super) fn clamped(pattern: &[f64]) -> Vec<f64> {
@@ -310,42 +349,8 @@ pub(super) fn over_frames<'a>(entries: &[(&'a str, &MethodRun)]) -> Vec<(&'a str
     if lines.iter().all(|(_, points)| points.is_empty()) { Vec::new() } else { lines }
 }
 
-/// The number of frames for each method's first `photos` photos, reported without a bound. There are none for an ideal rig.
-pub(super) fn frames_taken(entries: &[(&str, &MethodRun)], photos: usize) -> Vec<Check> {
-    let taken = |(name, entry): &(&str, &MethodRun)| {
-        let frames = entry.frames.get(photos - 1).or(entry.frames.last())?;
-        Some(Check::of(format!("frames of {photos} photos, {name}")).stated(*frames as f64))
-    };
-    entries.iter().filter_map(taken).collect()
-}
-
 pub(super) fn percent(share: f64) -> f64 {
     100.0 * share
-}
-
-/// Plots of residuals after equal numbers of photos and, for a rig, of clamped patterns' residuals after equal numbers of frames.
-pub(super) fn at_equal_costs(
-    lines: &[(&str, &[f64])],
-    entries: &[(&str, &MethodRun)],
-    uncompensated: f64,
-    optimum: f64,
-) -> Vec<Plot> {
-    let plot = |caption: &str, axis: &str, lines: Vec<(&str, Points)>| {
-        Plot::logarithmic(caption, [axis, "relative residual"], lines)
-            .marked(uncompensated, "uncompensated")
-            .marked(optimum, "best inside the box")
-    };
-    let lines = lines.iter().map(|&(name, residuals)| (name, counted(residuals))).collect();
-    let caption = "Relative residual by the light itself, at equal photos (the white one not counted).";
-    let mut plots = vec![plot(caption, "photos", lines)];
-    let over_frames = over_frames(entries);
-    if !over_frames.is_empty() {
-        let caption = "The same, displayed, at equal frames: what the camera takes for each method. A photo of a signed pattern is that of \
-                       two, and every pattern has its takes and exposures; sentinels are among them. Black, white and the choice of exposures \
-                       are common to all methods and not counted.";
-        plots.push(plot(caption, "frames", over_frames));
-    }
-    plots
 }
 
 /// A picture of `side × side` values in [0.02, 1]: a soft gradient, a bright disc with a dark ring, bars that become finer to the

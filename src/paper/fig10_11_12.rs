@@ -8,7 +8,7 @@
 
 use super::bench::{Bench, Set};
 use super::check::Check;
-use super::contest::{Contest, MethodRun, TargetLight, at_equal_costs, frames_taken, percent};
+use super::contest::{Contest, MethodRun, TargetLight, percent};
 use super::figure::{Figure, Plot, Points, Reproduced, Strip, counted, good_from};
 use super::vectors::{add, largest_outside};
 use crate::error::Result;
@@ -27,8 +27,6 @@ pub(super) fn fig11(bench: &mut Bench) -> Result<Reproduced> {
     let stage = bench.stage(Set::Corner, bench.side(SIDE_IN_FOCUS))?;
     let contest = Contest::hold(bench, &stage, 0.0, MORE_IN_FOCUS, OPTIMUM)?;
     let Contest { target_light, minres, boxed, jacobi, .. } = &contest;
-    let entries =
-        [("MINRES, then clamped", minres), ("Krylov inside the box", boxed), ("projected Jacobi", jacobi)];
     let mut checks = vec![
         Check::of("residual without a box, 5 photos of MINRES, %")
             .at_most(percent(minres.answered_at(PHOTOS_IN_FOCUS)), 1.0)
@@ -48,18 +46,12 @@ pub(super) fn fig11(bench: &mut Bench) -> Result<Reproduced> {
         Check::of("optimum with values kept in [0, 1], % (proven from below)").stated(percent(contest.bound)),
         Check::of("uncompensated, %").stated(percent(contest.uncompensated)),
     ]);
-    checks.extend(frames_taken(&entries, PHOTOS_IN_FOCUS));
-    let lines = [
-        ("MINRES, not clamped", &*minres.answered),
-        ("MINRES, then clamped", &minres.displayed),
-        ("Krylov inside the box", &boxed.displayed),
-        ("projected Jacobi", &jacobi.displayed),
-    ];
+    checks.extend(contest.frames_taken(PHOTOS_IN_FOCUS));
     Ok(Reproduced {
         setting: format!("corner, {}, 5 photos beside the white one", stage.resolution),
         checks,
         panels: target_light.panels(&contest.plain, &minres.shown_at(PHOTOS_IN_FOCUS)),
-        plots: at_equal_costs(&lines, &entries, contest.uncompensated, contest.optimum),
+        plots: contest.plots(),
         photos: 1 + PHOTOS_IN_FOCUS,
         ..Reproduced::of(Figure::Fig11, bench.rig())
     })
@@ -78,7 +70,7 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Room(RADII[0]), side)?;
     let contest = Contest::hold(bench, &stage, LIFT, PHOTOS, OPTIMUM)?;
-    let Contest { target_light, minres, boxed, jacobi, .. } = &contest;
+    let Contest { target_light, minres, boxed, .. } = &contest;
     let mut checks = Vec::from(contest.against_uncompensated("room", CONVERGED, [0.75, 0.1])?);
     let shown = minres.shown_at(CONVERGED);
     let (stated, curves) = where_it_breaks(bench)?;
@@ -121,16 +113,8 @@ pub(super) fn fig12(bench: &mut Bench) -> Result<Reproduced> {
         Check::of("room: uncompensated, %").stated(percent(contest.uncompensated)),
     ]);
     checks.extend(stated);
-    let entries =
-        [("MINRES, then clamped", minres), ("Krylov inside the box", boxed), ("projected Jacobi", jacobi)];
-    checks.extend(frames_taken(&entries, PHOTOS));
-    let lines = [
-        ("MINRES, not clamped", &*minres.answered),
-        ("MINRES, then clamped", &minres.displayed),
-        ("Krylov inside the box", &boxed.displayed),
-        ("projected Jacobi", &jacobi.displayed),
-    ];
-    let mut plots = at_equal_costs(&lines, &entries, contest.uncompensated, contest.optimum);
+    checks.extend(contest.frames_taken(PHOTOS));
+    let mut plots = contest.plots();
     plots.push(curves);
     Ok(Reproduced {
         setting: format!(

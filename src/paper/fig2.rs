@@ -43,7 +43,6 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     // The same numbers of the matrix itself, which has no devices.
     let ideal = iterate(truth)?;
     let small_ideal = iterate(&mut bench.truth(&small, Part::Full)?)?;
-    let devices = "Without the devices, on the matrix itself,";
     let highlight = brightest(&stage.white());
     let far = |pattern: &[f64]| distance(stage.resolution, brightest(pattern), highlight);
     let lowest = |pattern: &[f64]| pattern.iter().copied().fold(0.0, f64::min) / largest(pattern);
@@ -55,7 +54,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         ))
         .at_most(sharing(vector), (SPOT * stage.pixels() as f64).max(1.5))
         .refutes("the first photo", sharing(first))
-        .without(devices, sharing(last(&ideal))),
+        .without_devices(sharing(last(&ideal))),
         Check::of("distance of its brightest pixel from the specular spot of the white photo, in pixels")
             .at_most(far(vector), 1.0)
             .refutes(
@@ -65,19 +64,19 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         Check::of(format!("overlap with the dense eigenvector, {}", small.resolution))
             .at_least(overlap(last(&from_small), &exact.vectors[0]), ALIKE)
             .refutes("the second eigenvector", overlap(&exact.vectors[1], &exact.vectors[0]))
-            .without(devices, overlap(last(&small_ideal), &exact.vectors[0])),
+            .without_devices(overlap(last(&small_ideal), &exact.vectors[0])),
         Check::of(format!("overlap with the eigenvector by 400 Lanczos steps, {}", stage.resolution))
             .at_least(overlap(vector, reference), ALIKE)
             .refutes("the first photo", overlap(first, reference))
-            .without(devices, overlap(last(&ideal), reference)),
+            .without_devices(overlap(last(&ideal), reference)),
         Check::of("overlap of the best vector of the Krylov space of as many photos")
             .at_least(krylov.last().map_or(f64::NAN, |apart| 1.0 - apart), ALIKE)
             .refutes("the second eigenvector", overlap(&leading.vectors[1], reference))
-            .without(devices, lanczos(truth, reference)?.last().map_or(f64::NAN, |apart| 1.0 - apart)),
+            .without_devices(lanczos(truth, reference)?.last().map_or(f64::NAN, |apart| 1.0 - apart)),
         Check::of("least entry of the pattern over its largest")
             .at_least(lowest(vector), -0.01)
             .refutes("random signs", lowest(&Start::default().vector(stage.pixels())))
-            .without(devices, lowest(last(&ideal))),
+            .without_devices(lowest(last(&ideal))),
         Check::of("second eigenvalue over the first").stated(speed.ratio),
         Check::of("photos needed according to that ratio").stated(speed.photos),
         Check::of("products with the matrix itself needed").stated(needed as f64),

@@ -214,10 +214,7 @@ pub(super) fn fig9(bench: &mut Bench) -> Result<Reproduced> {
             Check::of("largest part of a pattern outside the span of the patterns and photos before, the second to the fifth")
                 .at_most(run.outside(&run.patterns()), 1e-6)
                 .refutes("random patterns", run.outside(&random))
-                .without(
-                    "Without the devices, on the matrix itself,",
-                    by_light.outside(&by_light.patterns()),
-                ),
+                .without_devices(by_light.outside(&by_light.patterns())),
         ],
         photos: run.found.photos,
         strips: vec![Strip {

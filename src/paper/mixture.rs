@@ -6,7 +6,7 @@
 
 use super::bench::{Bench, Set, Stage};
 use super::check::Check;
-use super::figure::{Content, Figure, Panel, Plot, Points, Reproduced, counted};
+use super::figure::{Content, Figure, Panel, Plot, Reproduced, counted};
 use super::random::graph;
 use super::vectors::{add, dot, outside, overlap, product, unit};
 use crate::analysis::segment::{Cut, CutMatrix, Graph};
@@ -62,11 +62,10 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         Check::of("overlap of the last photos from white and from random signs")
             .stated(overlap(last(0), last(2))),
     ]);
-    let lines = starts.iter().enumerate().map(|(run, (name, _))| {
-        let apart = runs[run].iter().map(|x| outside(x, &sheets)).collect::<Vec<_>>();
+    let lines = starts.iter().zip(&runs).map(|((name, _), run)| {
+        let apart: Vec<f64> = run.iter().map(|x| outside(x, &sheets)).collect();
         (*name, counted(&apart))
     });
-    let lines: Vec<(&str, Points)> = lines.collect();
     let shown = |(run, (name, _)): (usize, &(&str, Vec<f64>))| -> Panel {
         let caption = format!("After {PHOTOS} photos from {name}");
         stage.panel(format!("from-{}", run + 1), caption, Content::Signed(graph.scatter(last(run), 0.0)))

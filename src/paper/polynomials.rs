@@ -34,47 +34,34 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
 
     let shares: Vec<f64> = exact.vectors.iter().map(|vector| dot(vector, &target_light.light)).collect();
     let scale = norm(&target_light.light);
-    let predicted = |k: usize| {
+    let predicted = |run: &Run, k: usize| {
         let minres = run.residual_polynomial(k);
         let squares = exact.values.iter().zip(&shares).map(|(&value, share)| (minres(value) * share).powi(2));
         squares.sum::<f64>().sqrt() / scale
     };
-    let seen = |k: usize| target_light.residual(&run.answer(k));
+    let seen = |run: &Run, k: usize| target_light.residual(&run.answer(k));
     let [largest, smallest] = [exact.values[0], exact.values[exact.values.len() - 1]];
     let by_condition = chebyshev_bound(largest, smallest, JUDGED);
     let ends = [0.0_f64.min(smallest), largest];
     // The same process on the matrix itself, which has no devices.
     let by_light = Run::of(&mut bench.truth(&stage, Part::Full)?, &target_light.light, (PHOTOS, 1.0))?;
-    let seen_by_light = |k: usize| target_light.residual(&by_light.answer(k));
-    let exact_of = |k: usize| {
-        let minres = by_light.residual_polynomial(k);
-        exact
-            .values
-            .iter()
-            .zip(&shares)
-            .map(|(&value, share)| (minres(value) * share).powi(2))
-            .sum::<f64>()
-            .sqrt()
-            / scale
-    };
     let worst = |ratio: &dyn Fn(usize) -> f64| (1..=3).map(ratio).fold(0.0, f64::max);
-    let without_devices = "Without the devices, on the matrix itself,";
     let checks = vec![
         Check::of(format!(
             "residual of {JUDGED} photos of MINRES, over the error bound from the condition number alone"
         ))
-        .at_most(seen(JUDGED) / by_condition, 0.5)
-        .refutes("2 photos", seen(2) / by_condition)
-        .without(without_devices, seen_by_light(JUDGED) / by_condition),
+        .at_most(seen(&run, JUDGED) / by_condition, 0.5)
+        .refutes("2 photos", seen(&run, 2) / by_condition)
+        .without_devices(seen(&by_light, JUDGED) / by_condition),
         Check::of(
             "residual over the norm of its polynomial on the true spectrum, the worst of 1 to 3 photos",
         )
-        .at_most(worst(&|k| seen(k) / predicted(k)), 1.2)
-        .refutes("the polynomial of the next degree", worst(&|k| seen(k) / predicted(k + 1)))
-        .without(without_devices, worst(&|k| seen_by_light(k) / exact_of(k))),
-        Check::of(format!("residual of {JUDGED} photos of MINRES, %")).stated(percent(seen(JUDGED))),
+        .at_most(worst(&|k| seen(&run, k) / predicted(&run, k)), 1.2)
+        .refutes("the polynomial of the next degree", worst(&|k| seen(&run, k) / predicted(&run, k + 1)))
+        .without_devices(worst(&|k| seen(&by_light, k) / predicted(&by_light, k))),
+        Check::of(format!("residual of {JUDGED} photos of MINRES, %")).stated(percent(seen(&run, JUDGED))),
         Check::of(format!("norm of the residual polynomial of {JUDGED} photos on the true spectrum, %"))
-            .stated(percent(predicted(JUDGED))),
+            .stated(percent(predicted(&run, JUDGED))),
         Check::of("error bound from the condition number alone (Chebyshev), %").stated(percent(by_condition)),
         Check::of("smallest eigenvalue over the largest").stated(smallest / largest),
         Check::of(format!(

@@ -51,7 +51,8 @@ pub(super) fn largest_outside(known: Vec<Vec<f64>>, pairs: impl IntoIterator<Ite
     known.into_iter().for_each(|vector| extend(&mut basis, vector));
     let mut most = 0.0_f64;
     for [pattern, image] in pairs {
-        most = most.max(norm_of_rest(&pattern, &basis));
+        let rest = make_orthonormal(&mut [pattern.clone(), Vec::new()], &basis);
+        most = most.max(rest / norm(&pattern));
         extend(&mut basis, pattern);
         extend(&mut basis, image);
     }
@@ -65,11 +66,6 @@ fn extend(basis: &mut Vec<[Vec<f64>; 2]>, vector: Vec<f64>) {
     if make_orthonormal(&mut pair, basis) > 1e-12 * before {
         basis.push(pair);
     }
-}
-
-/// The norm of the part of a vector that is orthogonal to an orthonormal basis, relative to the vector.
-fn norm_of_rest(vector: &[f64], basis: &[[Vec<f64>; 2]]) -> f64 {
-    make_orthonormal(&mut [vector.to_vec(), Vec::new()], basis) / norm(vector)
 }
 
 /// The norm of the part of a vector outside the span of `known`, relative to the vector.

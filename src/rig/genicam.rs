@@ -15,6 +15,9 @@ use super::{Abilities, Camera, CameraInfo, GenicamSpec, Losses, RawFrame, WallCl
 use crate::error::{Error, Result};
 use crate::machine;
 
+/// What a camera's protocol answers.
+pub type Answered<T> = std::result::Result<T, GenicamError>;
+
 /// The transport layer of a camera: GigE Vision or USB3 Vision.
 pub trait TransportLayer: Send {
     /// The access to the camera's registers.
@@ -29,16 +32,10 @@ pub trait TransportLayer: Send {
     fn connect(&self) -> Result<Described<Self::Registers>>;
 
     /// Opens the stream of frames.
-    fn stream(
-        &self,
-        camera: &mut Described<Self::Registers>,
-    ) -> std::result::Result<Self::Stream, GenicamError>;
+    fn stream(&self, camera: &mut Described<Self::Registers>) -> Answered<Self::Stream>;
 
     /// The next complete frame. `None` or [`GenicamError::Timeout`] means that no frame came within `patience`.
-    fn next(
-        stream: &mut Self::Stream,
-        patience: Duration,
-    ) -> std::result::Result<Option<Frame>, GenicamError>;
+    fn next(stream: &mut Self::Stream, patience: Duration) -> Answered<Option<Frame>>;
 
     /// The camera's number of a frame, which counts from 1.
     fn number(frame: &Frame) -> u64;
@@ -110,7 +107,7 @@ impl<T: TransportLayer> Triggered<T> {
     }
 
     /// Triggers a frame and waits for it. Returns the frame, and the times of its trigger and of its arrival.
-    fn frame(&mut self, exposure: f64) -> std::result::Result<Option<(Frame, [f64; 2])>, GenicamError> {
+    fn frame(&mut self, exposure: f64) -> Answered<Option<(Frame, [f64; 2])>> {
         let Some(link) = &mut self.link else { return Ok(None) };
         while T::next(&mut link.stream, Duration::ZERO).is_ok_and(|frame| frame.is_some()) {}
         let now = self.clock.seconds();
@@ -359,6 +356,9 @@ const SWITCHED_OFF: [(&str, &str); 5] = [
     ("LUTEnable", "false"),
 ];
 
+/// The features that state the exposure in microseconds. The second name is that of older cameras.
+const EXPOSURE: [&str; 2] = ["ExposureTime", "ExposureTimeAbs"];
+
 /// Sets up an open camera. `place` names the camera in errors.
 fn set_up<T: RegisterIo>(camera: &mut Described<T>, spec: &GenicamSpec, place: &str) -> Result<()> {
     let failed = |doing: &str, why: &GenicamError| said(place, doing, why);
@@ -384,12 +384,16 @@ fn set_up<T: RegisterIo>(camera: &mut Described<T>, spec: &GenicamSpec, place: &
 fn set_format<T: RegisterIo>(camera: &mut Described<T>, spec: &GenicamSpec, place: &str) -> Result<()> {
     let format = spec.pixel_format.name();
     camera.set_enum("PixelFormat", format).map_err(|why| {
-        let known = camera.feature_state("PixelFormat").ok().and_then(|state| state.enum_entries);
         camera_fault(
             format!("the camera {place} has no pixel format {format}: {why}"),
-            format!("give another pixel_format in [camera]; it has {}", known.unwrap_or_default().join(", ")),
+            format!("give another pixel_format in [camera]; it has {}", pixel_formats(camera).join(", ")),
         )
     })
+}
+
+/// The camera's names for its pixel formats, as far as it reports them.
+fn pixel_formats<T: RegisterIo>(camera: &Described<T>) -> Vec<String> {
+    camera.feature_state("PixelFormat").ok().and_then(|state| state.enum_entries).unwrap_or_default()
 }
 
 /// Sets the part of the sensor that is read. Offsets are first set to their minimum, because the limits of sizes and offsets depend on each
@@ -452,14 +456,13 @@ fn set_gain<T: RegisterIo>(camera: &mut Described<T>, place: &str, gain: f64) ->
 }
 
 fn check_exposures<T: RegisterIo>(camera: &Described<T>, spec: &GenicamSpec, place: &str) -> Result<()> {
-    let known = ["ExposureTime", "ExposureTimeAbs"];
-    if known.iter().all(|name| camera.feature_state(name).is_err()) {
+    if EXPOSURE.iter().all(|name| camera.feature_state(name).is_err()) {
         return Err(camera_fault(
             format!("the camera {place} does not say its exposure in microseconds"),
             "use a camera with the feature ExposureTime",
         ));
     }
-    let Some(range) = known.iter().find_map(|name| limits(camera, name)) else { return Ok(()) };
+    let Some(range) = EXPOSURE.iter().find_map(|name| limits(camera, name)) else { return Ok(()) };
     let [least, most] = [range.min, range.max];
     let [shortest, longest] = spec.exposures;
     // Many cameras round exposures to whole microseconds.
@@ -515,8 +518,7 @@ pub(crate) fn said(place: &str, doing: &str, why: &GenicamError) -> Error {
 impl Abilities {
     pub(crate) fn of<T: RegisterIo>(camera: &Described<T>) -> Self {
         let range = |names: &[&str]| {
-            let mut states = names.iter().filter_map(|name| camera.feature_state(name).ok());
-            states.find_map(|state| state.range).map(|range| [range.min, range.max])
+            names.iter().find_map(|name| limits(camera, name)).map(|range| [range.min, range.max])
         };
         let whole = |names: &[&str]| {
             let number = names.iter().find_map(|name| camera.get_integer(name).ok());
@@ -526,13 +528,9 @@ impl Abilities {
         let sides = [whole(&["WidthMax", "SensorWidth"]), whole(&["HeightMax", "SensorHeight"])];
         Self {
             sensor: sides[0].zip(sides[1]).map(|(width, height)| [width, height]),
-            pixel_formats: camera
-                .feature_state("PixelFormat")
-                .ok()
-                .and_then(|state| state.enum_entries)
-                .unwrap_or_default(),
+            pixel_formats: pixel_formats(camera),
             // The camera's exposures are in microseconds.
-            exposures: range(&["ExposureTime", "ExposureTimeAbs"]).map(|range| range.map(|time| time / 1e6)),
+            exposures: range(&EXPOSURE).map(|range| range.map(|time| time / 1e6)),
             gains: range(&["Gain"]),
         }
     }

@@ -10,7 +10,7 @@ use viva_genicam::{
     Access, Camera as Described, Frame, FrameStream, GenicamError, GigeRegisterIo, StreamOptions, blocking,
 };
 
-use super::genicam::{TransportLayer, Triggered, said};
+use super::genicam::{Answered, TransportLayer, Triggered, said};
 use super::hardware::{causes, in_use};
 use super::{Abilities, AttachedCamera, CameraKind, GenicamSpec, Losses, WallClock, camera_fault};
 use crate::error::{Error, Result};
@@ -74,10 +74,7 @@ impl TransportLayer for OnNetwork {
         }
     }
 
-    fn stream(
-        &self,
-        camera: &mut Described<GigeRegisterIo>,
-    ) -> std::result::Result<FrameStream, GenicamError> {
+    fn stream(&self, camera: &mut Described<GigeRegisterIo>) -> Answered<FrameStream> {
         let options = StreamOptions::new();
         camera.open_stream(match self.packet_size {
             Some(size) => options.packet_size(size),
@@ -85,10 +82,7 @@ impl TransportLayer for OnNetwork {
         })
     }
 
-    fn next(
-        stream: &mut FrameStream,
-        patience: Duration,
-    ) -> std::result::Result<Option<Frame>, GenicamError> {
+    fn next(stream: &mut FrameStream, patience: Duration) -> Answered<Option<Frame>> {
         stream.next_frame_blocking(patience)
     }
 

@@ -8,12 +8,12 @@ use std::time::Duration;
 
 use serde_json::json;
 use viva_genicam::u3v::{NusbTransfer, U3vDeviceInfo, U3vStreamOptions, UsbTransfer, discover};
-use viva_genicam::{Camera as Described, Frame, GenicamError, U3vFrameStream, U3vRegisterIo, connect_u3v};
+use viva_genicam::{Camera as Described, Frame, U3vFrameStream, U3vRegisterIo, connect_u3v};
 
-use super::genicam::{TransportLayer, Triggered};
+use super::genicam::{Answered, TransportLayer, Triggered};
 use super::hardware::{in_use, is_busy};
 use super::{Abilities, AttachedCamera, CameraKind, GenicamSpec, Losses, WallClock, camera_fault};
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// A USB3 Vision camera.
 pub type Usb3Vision = Triggered<OnUsb<GenicamSpec>>;
@@ -22,7 +22,7 @@ impl Usb3Vision {
     /// Opens the camera. The times of frames are read from `clock`, and their numbers begin at `after + 1`.
     ///
     /// # Errors
-    /// [`Error::Rig`] when the camera is not plugged in, another program holds it, or it cannot do what `spec` says.
+    /// [`Error::Rig`](crate::Error::Rig) when the camera is not plugged in, another program holds it, or it cannot do what `spec` says.
     pub fn open(spec: &GenicamSpec, clock: WallClock, after: u64) -> Result<Self> {
         Self::start(OnUsb(spec.clone()), spec, clock, after)
     }
@@ -43,17 +43,11 @@ impl<P: Port> TransportLayer for OnUsb<P> {
         self.0.open()
     }
 
-    fn stream(
-        &self,
-        camera: &mut Described<Self::Registers>,
-    ) -> std::result::Result<U3vFrameStream, GenicamError> {
+    fn stream(&self, camera: &mut Described<Self::Registers>) -> Answered<U3vFrameStream> {
         camera.open_stream(U3vStreamOptions::default())
     }
 
-    fn next(
-        stream: &mut U3vFrameStream,
-        patience: Duration,
-    ) -> std::result::Result<Option<Frame>, GenicamError> {
+    fn next(stream: &mut U3vFrameStream, patience: Duration) -> Answered<Option<Frame>> {
         stream.next_frame_blocking(patience)
     }
 
@@ -86,7 +80,7 @@ pub(crate) fn usb_cameras() -> Result<Vec<AttachedCamera>> {
 /// Opens the camera with this serial number (`None`: the only camera), reads its abilities, and closes it.
 ///
 /// # Errors
-/// [`Error::Rig`] when the camera is not plugged in, or another program holds it.
+/// [`Error::Rig`](crate::Error::Rig) when the camera is not plugged in, or another program holds it.
 pub fn usb_camera_abilities(serial: Option<&str>) -> Result<Abilities> {
     let spec = GenicamSpec { serial: serial.map(str::to_owned), ..GenicamSpec::usb3(1, 1) };
     Ok(Abilities::of(&spec.open()?))
@@ -139,14 +133,13 @@ fn choose(mut devices: Vec<U3vDeviceInfo>, serial: Option<&str>) -> Result<U3vDe
     if let Some(serial) = serial {
         devices.retain(|device| device.serial.as_deref() == Some(serial));
     }
-    let refused = |fault: String, help: String| -> Error { camera_fault(fault, help) };
     match (devices.len(), serial) {
         (1, _) => Ok(devices.remove(0)),
-        (0, None) => Err(refused(
-            "no USB3 Vision camera is plugged in".into(),
-            "check its cable and power; `krylux rig list` names the cameras that are plugged in".into(),
+        (0, None) => Err(camera_fault(
+            "no USB3 Vision camera is plugged in",
+            "check its cable and power; `krylux rig list` names the cameras that are plugged in",
         )),
-        (0, Some(serial)) => Err(refused(
+        (0, Some(serial)) => Err(camera_fault(
             format!("no USB3 Vision camera has the serial number {serial}"),
             if known.is_empty() {
                 "none is plugged in: check its cable and power".into()
@@ -154,7 +147,7 @@ fn choose(mut devices: Vec<U3vDeviceInfo>, serial: Option<&str>) -> Result<U3vDe
                 format!("there are {}: correct serial in [camera]", known.join(", "))
             },
         )),
-        (count, _) => Err(refused(
+        (count, _) => Err(camera_fault(
             format!("{count} USB3 Vision cameras are plugged in"),
             format!("give serial in [camera]: {}", known.join(", ")),
         )),

@@ -1,7 +1,7 @@
 //! A camera of Linux's video interface V4L2 (feature `v4l`). This driver has not been tried on hardware. The camera runs freely, so the
 //! frames that may have begun too early are discarded before each photo.
 
-use std::io::Error as Refusal;
+use std::io;
 use std::time::Duration;
 
 use serde_json::json;
@@ -57,7 +57,7 @@ impl V4l {
     }
 
     /// Discards frames that may have begun too early, and returns the counts of the next frame. `None`: the frame is damaged.
-    fn next(&mut self) -> std::io::Result<Option<Vec<u16>>> {
+    fn next(&mut self) -> io::Result<Option<Vec<u16>>> {
         let stream = match &mut self.stream {
             Some(stream) => stream,
             None => self.stream.insert(Stream::with_buffers(&self.device, Type::VideoCapture, BUFFERS)?),
@@ -161,29 +161,25 @@ pub(crate) fn video_devices() -> Vec<AttachedCamera> {
 }
 
 impl VideoDevice for Device {
-    fn formats(&self) -> std::result::Result<Vec<[u8; 4]>, Refusal> {
+    fn formats(&self) -> io::Result<Vec<[u8; 4]>> {
         Ok(self.enum_formats()?.into_iter().map(|format| format.fourcc.repr).collect())
     }
 
-    fn set_layout(
-        &mut self,
-        code: [u8; 4],
-        [width, height]: [usize; 2],
-    ) -> std::result::Result<FrameLayout, Refusal> {
+    fn set_layout(&mut self, code: [u8; 4], [width, height]: [usize; 2]) -> io::Result<FrameLayout> {
         let set = self.set_format(&Format::new(width as u32, height as u32, FourCC::new(&code)))?;
         let size = [set.width as usize, set.height as usize];
         Ok(FrameLayout { code: set.fourcc.repr, size, stride: set.stride as usize })
     }
 
-    fn control(&self, id: u32) -> std::result::Result<i64, Refusal> {
+    fn control(&self, id: u32) -> io::Result<i64> {
         match Device::control(self, id)?.value {
             Value::Integer(value) => Ok(value),
             Value::Boolean(value) => Ok(value.into()),
-            _ => Err(Refusal::other("the control is no number")),
+            _ => Err(io::Error::other("the control is no number")),
         }
     }
 
-    fn set_control(&mut self, id: u32, value: i64) -> std::result::Result<(), Refusal> {
+    fn set_control(&mut self, id: u32, value: i64) -> io::Result<()> {
         Device::set_control(self, Control { id, value: Value::Integer(value) })
     }
 }

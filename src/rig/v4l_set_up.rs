@@ -2,12 +2,12 @@
 //! off. A driver may set another value than requested without an error, so each value is read back. A trait gives access to the device, so
 //! that a simulated device can replace it in tests.
 
+use std::io;
+
 use super::camera_fault;
 use super::cameras::{V4lFormat, V4lSpec};
 use super::hardware::{in_use, is_busy};
 use crate::error::Result;
-
-pub(crate) type Refusal = std::io::Error;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct FrameLayout {
@@ -18,15 +18,15 @@ pub(crate) struct FrameLayout {
 
 pub(crate) trait VideoDevice {
     /// The four-character codes of the supported pixel formats.
-    fn formats(&self) -> std::result::Result<Vec<[u8; 4]>, Refusal>;
+    fn formats(&self) -> io::Result<Vec<[u8; 4]>>;
 
     /// Requests a format and a size, and returns the layout that was set.
-    fn set_layout(&mut self, code: [u8; 4], size: [usize; 2]) -> std::result::Result<FrameLayout, Refusal>;
+    fn set_layout(&mut self, code: [u8; 4], size: [usize; 2]) -> io::Result<FrameLayout>;
 
     /// Reads a control's value. A missing control is an error.
-    fn control(&self, id: u32) -> std::result::Result<i64, Refusal>;
+    fn control(&self, id: u32) -> io::Result<i64>;
 
-    fn set_control(&mut self, id: u32, value: i64) -> std::result::Result<(), Refusal>;
+    fn set_control(&mut self, id: u32, value: i64) -> io::Result<()>;
 }
 
 /// The numbers of controls in the kernel's `v4l2-controls.h`.
@@ -84,7 +84,7 @@ pub(crate) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Fr
 
 fn set_layout(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<FrameLayout> {
     let (code, name) = (spec.pixel_format.code(), &spec.device);
-    let failed = |why: Refusal| match is_busy(&why) {
+    let failed = |why: io::Error| match is_busy(&why) {
         true => in_use(name),
         false => camera_fault(
             format!("{name} cannot be set up: {why}"),
@@ -116,7 +116,7 @@ fn set_layout(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<FrameLayo
 /// Sets the exposure in seconds, and returns the exposure that was really set.
 pub(crate) fn set_exposure(device: &mut impl VideoDevice, spec: &V4lSpec, exposure: f64) -> Result<f64> {
     let units = (exposure * PER_SECOND).round().max(1.0) as i64;
-    let failed = |why: Refusal| {
+    let failed = |why: io::Error| {
         camera_fault(
             format!("{} did not set an exposure of {exposure} s: {why}", spec.device),
             "correct exposures in [camera]; `v4l2-ctl --list-ctrls` names the limits of exposure_time_absolute, in 0.1 ms",
@@ -203,15 +203,11 @@ mod tests {
     }
 
     impl VideoDevice for SimulatedDevice {
-        fn formats(&self) -> std::result::Result<Vec<[u8; 4]>, Refusal> {
+        fn formats(&self) -> io::Result<Vec<[u8; 4]>> {
             Ok(self.formats.clone())
         }
 
-        fn set_layout(
-            &mut self,
-            code: [u8; 4],
-            size: [usize; 2],
-        ) -> std::result::Result<FrameLayout, Refusal> {
+        fn set_layout(&mut self, code: [u8; 4], size: [usize; 2]) -> io::Result<FrameLayout> {
             if self.is_busy {
                 return Err(ErrorKind::ResourceBusy.into());
             }
@@ -219,14 +215,14 @@ mod tests {
             Ok(FrameLayout { code, size, stride: 2 * size[0] })
         }
 
-        fn control(&self, id: u32) -> std::result::Result<i64, Refusal> {
+        fn control(&self, id: u32) -> io::Result<i64> {
             self.controls.get(&id).map(|[value, ..]| *value).ok_or(ErrorKind::InvalidInput.into())
         }
 
-        fn set_control(&mut self, id: u32, value: i64) -> std::result::Result<(), Refusal> {
+        fn set_control(&mut self, id: u32, value: i64) -> io::Result<()> {
             let stubborn = self.stubborn.contains(&id);
             let [now, least, most] =
-                self.controls.get_mut(&id).ok_or(Refusal::from(ErrorKind::InvalidInput))?;
+                self.controls.get_mut(&id).ok_or(io::Error::from(ErrorKind::InvalidInput))?;
             if !stubborn {
                 *now = value.clamp(*least, *most);
             }

@@ -238,7 +238,7 @@ impl Posterior {
             return Ok(model);
         }
         let [direct, near] = [|row: &Row| row.direct.clone(), |row: &Row| row.near.clone()]
-            .map(|part| sparse(projector.pixels(), rows.iter().map(part)));
+            .map(|part| Csr::of_rows(projector.pixels(), rows.iter().map(part)));
         model.with_direct_matrix(direct?)?.with_near_matrix(near?)
     }
 
@@ -318,15 +318,4 @@ struct Row {
     smooth: Vec<f64>,
     direct: BTreeMap<u32, f64>,
     near: BTreeMap<u32, f64>,
-}
-
-/// A sparse matrix of these rows.
-fn sparse(columns: usize, rows: impl Iterator<Item = BTreeMap<u32, f64>>) -> Result<Csr> {
-    let (mut row_start, mut indices, mut weights) = (vec![0], Vec::new(), Vec::new());
-    for row in rows {
-        indices.extend(row.keys());
-        weights.extend(row.values());
-        row_start.push(indices.len());
-    }
-    Csr::new(columns, row_start, indices, weights)
 }

@@ -21,17 +21,10 @@ fn random(seed: u64) -> impl FnMut() -> f64 {
 }
 
 fn matrix(rows: usize, cols: usize, value: impl Fn(usize, usize) -> f64) -> Result<Csr> {
-    let (mut starts, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
-    for row in 0..rows {
-        for column in 0..cols {
-            if value(row, column) != 0.0 {
-                columns.push(column as u32);
-                weights.push(value(row, column));
-            }
-        }
-        starts.push(columns.len());
-    }
-    Csr::new(cols, starts, columns, weights)
+    let entry =
+        |row: usize, column: usize| Some((column as u32, value(row, column))).filter(|of| of.1 != 0.0);
+    let entry = &entry;
+    Csr::of_rows(cols, (0..rows).map(|row| (0..cols).filter_map(move |column| entry(row, column))))
 }
 
 /// A scene: each camera pixel sees one projector pixel directly, and the light of half of the others weakly.

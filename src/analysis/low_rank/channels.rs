@@ -190,40 +190,12 @@ fn errors_after(values: &[f64], frobenius: f64) -> Vec<f64> {
 mod tests {
     use super::super::{LowRankCapture, capture};
     use super::*;
-    use crate::operator::Symmetry;
+    use crate::operator::{Closure, Symmetry};
 
     /// `G_ij` of a small matrix without particular structure.
-    struct Dense {
-        n: usize,
-        symmetric: bool,
-    }
-
-    impl Dense {
-        fn entry(&self, i: usize, j: usize) -> f64 {
-            let (i, j) = if self.symmetric { (i.min(j), i.max(j)) } else { (i, j) };
-            ((3 * i + 7 * j + i * j) % 11) as f64 / 11.0 + 1.0 / (1.0 + i as f64 + j as f64)
-        }
-    }
-
-    impl Operator for Dense {
-        fn rows(&self) -> usize {
-            self.n
-        }
-
-        fn cols(&self) -> usize {
-            self.n
-        }
-
-        fn symmetry(&self) -> Symmetry {
-            if self.symmetric { Symmetry::Symmetric } else { Symmetry::General }
-        }
-
-        fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-            for (i, y) in y.iter_mut().enumerate() {
-                *y = (0..self.n).map(|j| self.entry(i, j) * x[j]).sum();
-            }
-            Ok(())
-        }
+    fn entry(symmetric: bool, i: usize, j: usize) -> f64 {
+        let (i, j) = if symmetric { (i.min(j), i.max(j)) } else { (i, j) };
+        ((3 * i + 7 * j + i * j) % 11) as f64 / 11.0 + 1.0 / (1.0 + i as f64 + j as f64)
     }
 
     fn unit(n: usize, j: usize) -> Vec<f64> {
@@ -234,21 +206,28 @@ mod tests {
     fn errors_diagonal_and_dual_are_those_of_the_dense_model() -> Result<()> {
         let n = 12;
         for symmetric in [true, false] {
-            let mut dense = Dense { n, symmetric };
+            let symmetry = if symmetric { Symmetry::Symmetric } else { Symmetry::General };
+            let of = |i: usize, j: usize| entry(symmetric, i, j);
+            let mut dense = Closure::new(n, n, symmetry, |x: &[f64], y: &mut [f64]| {
+                for (i, y) in y.iter_mut().enumerate() {
+                    *y = (0..n).map(|j| of(i, j) * x[j]).sum();
+                }
+                Ok(())
+            });
             let direct: Vec<f64> = (0..n).map(|i| 1.0 + i as f64).collect();
             let options = LowRankCapture { photos: 5, ..LowRankCapture::default() };
             let model = capture(&mut dense, &direct, &options)?;
             let square = |entry: &dyn Fn(usize, usize) -> f64| -> f64 {
                 (0..n * n).map(|ij| entry(ij / n, ij % n).powi(2)).sum()
             };
-            let frobenius = square(&|i, j| dense.entry(i, j)).sqrt();
+            let frobenius = square(&of).sqrt();
             let curve = error_curve(&model, frobenius);
             let diagonal = model.diagonal();
             for k in 1..=5 {
                 let truncated = model.truncated(k);
                 let columns: Vec<Vec<f64>> = (0..n).map(|j| truncated.relight(&unit(n, j))).collect();
                 let entry = |i: usize, j: usize| columns[j][i] - if i == j { direct[i] } else { 0.0 };
-                let missed = square(&|i, j| dense.entry(i, j) - entry(i, j)).sqrt() / frobenius;
+                let missed = square(&|i, j| of(i, j) - entry(i, j)).sqrt() / frobenius;
                 let told = curve[k - 1].error;
                 // The cancellation between the squares loses half of the digits.
                 assert!((missed - told).abs() < 1e-7, "{symmetric} {k}: {missed} {told}");

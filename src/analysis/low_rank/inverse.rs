@@ -100,24 +100,11 @@ impl Operator for Scaled<'_> {
 mod tests {
     use super::super::{LowRank, LowRankCapture, capture};
     use super::*;
+    use crate::operator::Closure;
 
     /// `G = u uᵀ / 10 + v vᵀ / 20` for 8 pixels. A model of two photos represents it exactly.
-    struct RankTwo;
-
-    impl Operator for RankTwo {
-        fn rows(&self) -> usize {
-            8
-        }
-
-        fn cols(&self) -> usize {
-            8
-        }
-
-        fn symmetry(&self) -> Symmetry {
-            Symmetry::Symmetric
-        }
-
-        fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+    fn rank_two() -> impl Operator {
+        Closure::new(8, 8, Symmetry::Symmetric, |x: &[f64], y: &mut [f64]| {
             let v = |i: usize| (i % 3) as f64;
             let (sum, weighted) =
                 x.iter().enumerate().fold((0.0, 0.0), |(s, w), (i, x)| (s + x, w + v(i) * x));
@@ -125,7 +112,7 @@ mod tests {
                 *y = sum / 10.0 + v(i) * weighted / 20.0;
             }
             Ok(())
-        }
+        })
     }
 
     #[test]
@@ -133,7 +120,7 @@ mod tests {
         // Pixel 3 is black. It returns no direct light, and its pattern value cannot be recovered.
         let direct: Vec<f64> = (0..8).map(|i| if i == 3 { 0.0 } else { 1.0 + 0.25 * i as f64 }).collect();
         let model =
-            capture(&mut RankTwo, &direct, &LowRankCapture { photos: 2, ..LowRankCapture::default() })?;
+            capture(&mut rank_two(), &direct, &LowRankCapture { photos: 2, ..LowRankCapture::default() })?;
         for seed in 0..3 {
             let pattern: Vec<f64> =
                 (0..8).map(|i| if i == 3 { 0.0 } else { ((seed + 5 * i) % 7) as f64 / 7.0 }).collect();

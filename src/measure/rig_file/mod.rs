@@ -283,8 +283,12 @@ impl RigFile {
         let (kind, calibration, measurement) = match kind_of(&check, text)?.as_str() {
             "virtual" => {
                 let tables: VirtualTables = parse(path, text)?;
-                let (calibration, measurement) = (tables.calibration.clone(), tables.measurement.clone());
-                (RigKind::Virtual(tables.into_rig(&check, folder)?), calibration, measurement)
+                check.virtual_rig(&tables)?;
+                let VirtualTables { calibration, measurement, seed, projector, camera, .. } = tables;
+                let VirtualTables { splitter, ambient, drift, faults, .. } = tables;
+                let scene = tables.scene.into_scene(&check, folder)?;
+                let rig = VirtualRig { scene, projector, camera, splitter, ambient, drift, faults, seed };
+                (RigKind::Virtual(rig), calibration, measurement)
             }
             "program" => {
                 let DeviceTables { calibration, projector, camera, measurement, .. } = parse(path, text)?;
@@ -323,15 +327,6 @@ fn hardware<C: DeserializeOwned>(
     let DeviceTables::<X11Spec, C> { calibration, projector, camera, measurement, .. } =
         parse(&check.path, text)?;
     Ok((HardwareRig { projector, camera: spec(camera) }, calibration, measurement))
-}
-
-impl VirtualTables {
-    fn into_rig(self, check: &FileCheck, folder: &Path) -> Result<VirtualRig> {
-        check.virtual_rig(&self)?;
-        let Self { seed, projector, camera, splitter, ambient, drift, faults, .. } = self;
-        let scene = self.scene.into_scene(check, folder)?;
-        Ok(VirtualRig { scene, projector, camera, splitter, ambient, drift, faults, seed })
-    }
 }
 
 /// Returns the kind of rig that the file describes. A missing or an unknown kind is an error.

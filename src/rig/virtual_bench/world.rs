@@ -103,7 +103,7 @@ impl VirtualWorld {
     pub(crate) fn capture(&mut self) -> Option<RawFrame> {
         let (exposure, camera) = (self.exposure, &self.rig.camera);
         let (readout, timeout) = (camera.readout, camera.timeout);
-        if self.rig.faults.freezes_after(self.id) && self.restarted_at != Some(self.id) {
+        if self.rig.faults.freeze_after.contains(&self.id) && self.restarted_at != Some(self.id) {
             self.now += timeout;
             return None;
         }
@@ -321,10 +321,6 @@ impl Faults {
             chance -= share;
         }
         Fate::Good
-    }
-
-    pub(crate) fn freezes_after(&self, id: u64) -> bool {
-        self.freeze_after.contains(&id)
     }
 }
 
