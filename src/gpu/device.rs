@@ -174,7 +174,7 @@ impl Gpu {
     /// Opens the adapter whose name contains `wanted`, ignoring case; for `None` or [`ALL`], an adapter of the fastest kind. `turn` selects
     /// one of several equal adapters.
     pub(crate) fn open(wanted: Option<&str>, turn: usize) -> Result<Self> {
-        let wanted = wanted.filter(|name| *name != ALL);
+        let wanted = wanted.filter(|name| !name.eq_ignore_ascii_case(ALL));
         let open = |share: Option<u8>| {
             Driver::with(share, |driver| {
                 let index = driver.choose(wanted, turn)?;
@@ -194,9 +194,12 @@ impl Gpu {
 
     /// Opens the other adapters that are equal to this one.
     pub(crate) fn open_equals(&self) -> Result<Vec<Self>> {
-        let name = &self.summary.name;
-        let count = adapters()?.iter().filter(|adapter| adapter.name == *name).count();
-        (1..count).map(|turn| Self::open(Some(name), turn)).collect()
+        let share = (!self.summary.is_processor()).then_some(MEMORY_SHARE);
+        Driver::with(share, |driver| {
+            let is_equal = |&index: &usize| AdapterSummary::of(&driver.adapters[index]) == self.summary;
+            let equal: Vec<usize> = (0..driver.adapters.len()).filter(is_equal).skip(1).collect();
+            equal.into_iter().map(|index| driver.device(index)).collect()
+        })
     }
 
     /// A device of its own on the fastest adapter, which stands for another card.

@@ -157,7 +157,7 @@ pub struct TraceSummary {
 }
 
 impl TraceSummary {
-    /// Adds the paths, rays and dispatches of a trace that ran at the same time in another process. For each duration, the longer one is
+    /// Adds the paths, rays and dispatches of a trace that ran at the same time in another process or on another device. For each duration, the longer one is
     /// kept.
     pub(crate) fn add_parallel(&mut self, other: &Self) {
         self.paths += other.paths;

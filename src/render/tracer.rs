@@ -25,7 +25,7 @@ use crate::observer::{Estimate, Observer, Step};
 use crate::scene::Scene;
 use crate::team::Remote;
 
-/// Traces the light paths of one scene on one device.
+/// Traces the light paths of one scene on one device; several devices may share the paths of a matrix.
 pub struct Tracer {
     pub(super) gpu: Gpu,
     pub(super) scene: GpuScene,
@@ -39,7 +39,7 @@ pub struct Tracer {
     /// The buffers of the last trace.
     results: Vec<Results>,
     /// The buffer of the last trace whose records stayed on the device.
-    pub(super) resident: Option<Results>,
+    pub(crate) resident: Option<Results>,
     pub(super) observer: Arc<dyn Observer + Send + Sync>,
     /// The handle of the scene in a team of processes, each of which traces a part.
     remote: Option<Arc<Remote>>,
@@ -105,7 +105,7 @@ impl Tracer {
 
     /// Lets the devices of all equal adapters help if `adapter` asks for all.
     fn with_equals(mut self, adapter: Option<&str>, scene: &Scene) -> Result<Self> {
-        if adapter == Some(ALL) {
+        if adapter.is_some_and(|name| name.eq_ignore_ascii_case(ALL)) {
             let equals = self.gpu.open_equals()?;
             self.help_by(equals, scene)?;
         }
@@ -138,6 +138,8 @@ impl Tracer {
 
     pub(crate) fn share(&mut self, remote: Remote) {
         self.remote = Some(Arc::new(remote));
+        // Each process of a team has a device of its own.
+        self.others.clear();
     }
 
     pub(crate) fn remote(&self) -> Option<&Arc<Remote>> {
@@ -233,6 +235,9 @@ impl Tracer {
     /// device lacks memory or `f64`, or fails its self-test, the host assembles the matrix all the same, and the observer gets a note.
     pub fn assemble_on_device(&mut self, asked: bool) {
         self.assembles = Some(asked);
+        if !asked {
+            self.others.clear();
+        }
     }
 
     /// Whether the device that traces also assembles the matrix.

@@ -270,7 +270,7 @@ impl<const C: usize> Share<C> {
         Ok(growing.close(tracer.symmetric(settings), summary))
     }
 
-    /// The contributions of a batch with all paths of a coaxial rig.
+    /// The contributions of batches with all paths of a rig.
     pub(super) fn of_batches(batches: &[Batch<'_>], rig: RigShape, (samples, split): (u32, bool)) -> Self {
         let mut growing = GrowingShare::new(samples, &(0..rig.camera.pixels()), split, None);
         batches.iter().for_each(|batch| growing.add(batch));

@@ -1,4 +1,5 @@
-//! Assembles the matrix on the device that traces the paths, so that neither records nor entries move to the host.
+//! Assembles the matrix on the device that traces the paths, so that neither records nor entries move to the host. If several devices trace
+//! (`several`), terms do.
 //!
 //! 1. Each dispatch's contributions become terms (`parts`): a workgroup takes some samples of a pixel, sorts their contributions, and sums
 //!    those of one class and pixel in the order of the paths.
@@ -32,6 +33,7 @@ use super::{Bounces, Channels, RigShape, TransportMatrix};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Lent};
 use crate::image::{Image, Resolution};
+use crate::observer::Level;
 use crate::render::{RecordLayout, TraceSettings, TraceSummary, Tracer};
 
 /// The largest arrays of an assembly, in elements.
@@ -71,14 +73,32 @@ pub(super) fn assemble(
     channels: Channels,
     split: bool,
 ) -> Result<Assembled> {
+    assemble_within(tracer, settings, (channels, split), None)
+}
+
+fn assemble_within(
+    tracer: &mut Tracer,
+    settings: &TraceSettings,
+    (channels, split): (Channels, bool),
+    limits: Option<Limits>,
+) -> Result<Assembled> {
     let layouts = several::prepared(tracer, settings, channels)?;
     let (gpu, rig) = (tracer.gpu().clone(), shape(tracer, settings));
-    let assembly = Assembling::new(&gpu, rig, channels, (settings.samples, split), &layouts, None)?;
+    let assembly = Assembling::new(&gpu, rig, channels, (settings.samples, split), &layouts, limits)?;
     let mut parts = Parts::new(&assembly)?;
     let mut others = std::mem::take(&mut tracer.others);
     let summary = several::trace((tracer, &mut others), settings, (channels, split), &mut parts);
+    let summary = match summary {
+        Err(Error::Device { fault, .. }) if !others.is_empty() && gpu.require_working().is_ok() => {
+            let note = format!("note: one device assembles the matrix, without the others: {fault}");
+            tracer.observer().log(Level::Note, &note);
+            drop(parts);
+            tracer.release_buffers();
+            return assemble_within(tracer, settings, (channels, split), limits);
+        }
+        summary => summary?,
+    };
     tracer.others = others;
-    let summary = summary?;
     let (assembled, unfinished) = assembly.finish(&parts, summary)?;
     if unfinished > 0 {
         return Err(tracer.unfinished(unfinished, summary.paths));

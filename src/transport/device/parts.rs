@@ -77,9 +77,10 @@ pub(super) struct Arena {
 /// The terms of the paths from one endpoint of the rig.
 pub(super) struct Endpoint {
     pub(super) layout: RecordLayout,
-    /// The number of all paths, and the end of those that this device traces.
+    /// The number of all paths.
     paths: u64,
-    end: u64,
+    /// The paths that this device traces.
+    own: Range<u64>,
     /// The parameters that all steps for these paths have in common.
     pub(super) base: Assembly,
     records: wgpu::Buffer,
@@ -175,7 +176,7 @@ impl<'a> Parts<'a> {
 impl Consumer for Parts<'_> {
     fn begin(&mut self, layout: &RecordLayout, paths: Range<u64>, records: &wgpu::Buffer) -> Result<()> {
         let (gpu, rig) = (self.of.gpu, self.of.rig);
-        let end = paths.end;
+        let own = paths;
         let pixels = if layout.from_camera { rig.camera } else { rig.projector }.pixels();
         let paths = pixels as u64 * u64::from(layout.samples);
         // The numbers of the counts of the camera's pixels come first, and then those of the projector's.
@@ -201,7 +202,7 @@ impl Consumer for Parts<'_> {
         self.endpoints.push(Endpoint {
             layout: *layout,
             paths,
-            end,
+            own,
             base,
             records: records.clone(),
             parts: gpu.scratch("parts of paths", 16 * parts)?,
@@ -218,7 +219,8 @@ impl Consumer for Parts<'_> {
 
     fn submit(&mut self, of: &ResidentPaths, trace: &mut dyn FnMut(&mut CommandEncoder)) -> Result<()> {
         let gpu = self.of.gpu;
-        let &Endpoint { layout, end, base, .. } = self.current();
+        let &Endpoint { layout, ref own, base, .. } = self.current();
+        let end = own.end;
         let first = base.part_of(of.first_path) as u32;
         let parts = base.part_of(of.first_path + u64::from(of.paths)) as u32 - first;
         let most_of = |paths: u64| paths * layout.most_ends() as u64;
@@ -266,7 +268,8 @@ impl Consumer for Parts<'_> {
         self.current_mut().arenas[arena].terms = u64::from(top);
         let endpoint = self.current();
         // Each term of a coaxial rig goes to two rows.
-        let expected = 2.0 * endpoint.terms() as f64 * endpoint.paths as f64 / self.finished.max(1) as f64;
+        let own = (endpoint.own.end - endpoint.own.start) as f64;
+        let expected = 2.0 * endpoint.terms() as f64 * own / self.finished.max(1) as f64;
         if self.finished >= ENOUGH && expected > f64::from(u32::MAX) {
             return Err(too_many(expected as u64));
         }

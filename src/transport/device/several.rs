@@ -6,11 +6,12 @@ use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
+use std::time::Duration;
 
 use super::parts::{Endpoint, Parts};
-use super::{Assembling, self_test};
+use super::{Assembling, Limits, self_test};
 use crate::error::{Error, Result};
-use crate::observer::{Observer, Step};
+use crate::observer::{Estimate, Level, Observer, Step};
 use crate::render::{RecordLayout, StartPixels, TraceSettings, TraceSummary, Tracer};
 use crate::transport::Channels;
 
@@ -37,17 +38,23 @@ pub(super) fn trace(
     parts: &mut Parts<'_>,
 ) -> Result<TraceSummary> {
     let all = tracer.start_pixels(settings);
+    if others.is_empty() {
+        return tracer.trace_resident(settings, &all, parts);
+    }
     let fewest =
         if all.projector.is_empty() { all.camera.len() } else { all.camera.len().min(all.projector.len()) };
     let mut shares = all.split((1 + others.len()).min(fewest)).into_iter();
     let own = shares.next().unwrap_or(all);
-    let stop = Arc::new(AtomicBool::new(false));
+    let (observer, stop) = (tracer.observer(), Arc::new(AtomicBool::new(false)));
+    let together = |user| Arc::new(Together { stop: Arc::clone(&stop), user });
+    others.iter_mut().for_each(|other| other.observe(together(Arc::new(()))));
+    tracer.observe(together(Arc::clone(&observer)));
+    let limits = parts.of.limits;
     let (summary, moved) = thread::scope(|scope| {
         let shared = others.iter_mut().zip(shares).map(|(other, pixels)| {
             let stop = Arc::clone(&stop);
-            other.observe(Arc::new(Stop(Arc::clone(&stop))));
             let work = move || {
-                let moved = Terms::traced(other, settings, of, &pixels);
+                let moved = Terms::traced(other, settings, of, &pixels, limits);
                 stop.fetch_or(moved.is_err(), Ordering::Relaxed);
                 moved
             };
@@ -56,27 +63,65 @@ pub(super) fn trace(
         let running: Vec<_> = shared.collect();
         let summary = tracer.trace_resident(settings, &own, parts);
         stop.fetch_or(summary.is_err(), Ordering::Relaxed);
+        while running.iter().flatten().any(|thread| !thread.is_finished()) {
+            // The user may stop the others, whose threads may need this one for their parallel work.
+            let _ = tracer.observer().step(&Step {
+                stage: "tracing",
+                done: 1,
+                total: 1,
+                estimate: Estimate::None,
+            });
+            if rayon::yield_now() != Some(rayon::Yield::Executed) {
+                thread::sleep(POLL);
+            }
+        }
         let join = |thread: std::io::Result<thread::ScopedJoinHandle<'_, Result<Terms>>>| {
             let thread = thread.map_err(|error| Error::device(format!("a thread for a device: {error}")))?;
             thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
         };
         (summary, running.into_iter().map(join).collect::<Vec<Result<Terms>>>())
     });
-    let mut summary = summary?;
+    tracer.observe(observer);
+    let (mut all, mut errors) = (Vec::new(), Vec::new());
     for terms in moved {
-        let terms = terms?;
+        match terms {
+            Ok(terms) => all.push(terms),
+            Err(error) => errors.push(error),
+        }
+    }
+    // When a device fails, the others are interrupted: its error is the cause.
+    errors.sort_by_key(|error| matches!(error, Error::Interrupted));
+    let mut summary = match (summary, errors.into_iter().next()) {
+        (Err(Error::Interrupted) | Ok(_), Some(error)) | (Err(error), _) => return Err(error),
+        (Ok(summary), None) => summary,
+    };
+    for terms in all {
         summary.add_parallel(&terms.summary);
         parts.receive(&terms)?;
     }
     Ok(summary)
 }
 
-/// Stops a device when another one has stopped.
-struct Stop(Arc<AtomicBool>);
+/// The time between two looks at whether the other devices are done.
+const POLL: Duration = Duration::from_millis(5);
 
-impl Observer for Stop {
-    fn step(&self, _: &Step<'_>) -> ControlFlow<()> {
-        if self.0.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+/// The observer of a device that traces a share: the user may stop it, and then all devices stop; and it stops when another one has.
+struct Together {
+    stop: Arc<AtomicBool>,
+    user: Arc<dyn Observer + Send + Sync>,
+}
+
+impl Observer for Together {
+    fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
+        if !self.stop.load(Ordering::Relaxed) && self.user.step(step).is_continue() {
+            return ControlFlow::Continue(());
+        }
+        self.stop.store(true, Ordering::Relaxed);
+        ControlFlow::Break(())
+    }
+
+    fn log(&self, level: Level, message: &str) {
+        self.user.log(level, message);
     }
 }
 
@@ -104,11 +149,13 @@ impl Terms {
         settings: &TraceSettings,
         (channels, split): (Channels, bool),
         pixels: &StartPixels,
+        limits: Limits,
     ) -> Result<Self> {
         let layouts = prepared(tracer, settings, channels)?;
         let gpu = tracer.gpu().clone();
         let rig = crate::transport::assembled::shape(tracer, settings);
-        let assembly = Assembling::new(&gpu, rig, channels, (settings.samples, split), &layouts, None)?;
+        let assembly =
+            Assembling::new(&gpu, rig, channels, (settings.samples, split), &layouts, Some(limits))?;
         let mut parts = Parts::new(&assembly)?;
         let summary = tracer.trace_resident(settings, pixels, &mut parts)?;
         let counts = gpu.read::<u32>(&parts.counts, parts.counts.size() as usize / 4)?;

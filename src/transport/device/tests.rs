@@ -1,10 +1,15 @@
 //! Matrices that a device assembles are compared with those of the host: software Vulkan, or any other adapter.
 
+use std::ops::ControlFlow;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use proptest::prelude::*;
 
 use super::self_test::{Known, difference};
 use super::*;
 use crate::image::Resolution;
+use crate::observer::{Observer, Step};
 use crate::scene::{Scene, builtin};
 use crate::transport::tests::apart;
 use crate::transport::{Part, assemble_layers};
@@ -156,9 +161,16 @@ fn several_devices_make_the_matrix_of_one() {
         let one = traced(&scene, true, &settings, of);
         let mut several = tracer(&scene, true);
         several.help_by(others.clone(), &scene).expect("the scene fits");
-        assert_eq!(several.devices(), 3);
-        let made = assemble_layers(&mut several, &settings, of.0, of.1).expect("the scene can be traced");
-        assert!(made.is_on_gpu(), "{name}");
+        // Small arenas: each device has several.
+        let small = Limits { arena: 1 << 10, ..limits(of.0) };
+        let made =
+            assemble_within(&mut several, &settings, of, Some(small)).expect("the scene can be traced");
+        let traced = several.others.iter().filter(|other| other.resident.is_some()).count();
+        assert_eq!(
+            (traced, several.devices()),
+            (if name == "a narrow projector" { 1 } else { 2 }, 3),
+            "{name}"
+        );
         assert!(made.matrix == one.matrix && made.noise == one.noise, "{name}: the same bits");
         assert_eq!(made.ambient, one.ambient, "{name}");
         let costs = |of: &Assembled| (of.summary.paths, of.summary.rays);
@@ -167,29 +179,56 @@ fn several_devices_make_the_matrix_of_one() {
     }
 }
 
-/// A device that cannot help is named, and the processor assembles the matrix; whoever stops one device stops all.
-#[test]
-fn several_devices_stop_together() {
-    struct Stopping;
-    impl crate::observer::Observer for Stopping {
-        fn step(&self, _: &crate::observer::Step<'_>) -> std::ops::ControlFlow<()> {
-            std::ops::ControlFlow::Break(())
+/// Notes what it is told, and stops at a step.
+#[derive(Default)]
+struct Listening {
+    stops_at: Option<usize>,
+    steps: AtomicUsize,
+    notes: Mutex<Vec<String>>,
+}
+
+impl Observer for Listening {
+    fn step(&self, _: &Step<'_>) -> ControlFlow<()> {
+        let step = self.steps.fetch_add(1, Ordering::Relaxed);
+        if self.stops_at.is_some_and(|at| step >= at) {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
         }
     }
+
+    fn log(&self, _: Level, message: &str) {
+        self.notes.lock().expect("no test has failed").push(message.to_owned());
+    }
+}
+
+/// If a device cannot help, a note says why, and the first one assembles the matrix alone. Whoever stops one device stops all.
+#[test]
+fn several_devices_stop_together() {
     let (scene, settings) = (builtin::cornell().to_scene(), TraceSettings::new(Resolution::new(16, 16), 8));
+    let of = (Channels::Luma, false);
     let mut lame = Gpu::another_for_tests();
     lame.summary.double_precision = false;
-    let mut several = tracer(&scene, true);
-    several.help_by(vec![lame], &scene).expect("the scene fits");
-    let error = assemble(&mut several, &settings, Channels::Luma, false).map(drop);
-    assert!(error.is_err_and(|error| error.to_string().contains("f64")));
-    let made =
-        assemble_layers(&mut several, &settings, Channels::Luma, false).expect("the processor does it");
-    assert!(!made.is_on_gpu() && several.devices() == 2);
-    several.help_by(vec![Gpu::another_for_tests()], &scene).expect("the scene fits");
-    several.observe(Arc::new(Stopping));
-    let stopped = assemble(&mut several, &settings, Channels::Luma, false).map(drop);
-    assert!(matches!(stopped, Err(Error::Interrupted)), "{stopped:?}");
+    for others in [vec![lame.clone()], vec![Gpu::another_for_tests(), lame]] {
+        let (mut several, listening) = (tracer(&scene, true), Arc::new(Listening::default()));
+        several.observe(Arc::clone(&listening) as Arc<dyn Observer + Send + Sync>);
+        several.help_by(others, &scene).expect("the scene fits");
+        let made = assemble_layers(&mut several, &settings, of.0, of.1).expect("one device works");
+        assert!(made.is_on_gpu() && made.matrix == traced(&scene, true, &settings, of).matrix);
+        let notes = listening.notes.lock().expect("no test has failed");
+        assert!(
+            notes.len() == 1 && notes[0].contains("f64") && notes[0].contains("without the others"),
+            "{notes:?}"
+        );
+        assert_eq!(several.devices(), 1);
+    }
+    for stops_at in [0, 1] {
+        let mut several = tracer(&scene, true);
+        several.help_by(vec![Gpu::another_for_tests()], &scene).expect("the scene fits");
+        several.observe(Arc::new(Listening { stops_at: Some(stops_at), ..Listening::default() }));
+        let stopped = assemble(&mut several, &settings, of.0, of.1).map(drop);
+        assert!(matches!(stopped, Err(Error::Interrupted)), "{stopped:?}");
+    }
 }
 
 /// Products on the device, before and after the host has read the matrix, equal those of the host's matrix up to rounding.
