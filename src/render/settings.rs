@@ -157,8 +157,8 @@ pub struct TraceSummary {
 }
 
 impl TraceSummary {
-    /// Adds the paths, rays and dispatches of a trace that ran at the same time in another process or on another device. For each duration, the longer one is
-    /// kept.
+    /// Adds the paths, rays and dispatches of a trace that ran at the same time in another process or on another device. For each duration,
+    /// the longer one is kept.
     pub(crate) fn add_parallel(&mut self, other: &Self) {
         self.paths += other.paths;
         self.rays += other.rays;

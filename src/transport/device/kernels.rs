@@ -148,8 +148,8 @@ fn unchecked<const N: usize>(
     buffers: &[wgpu::BindingType],
 ) -> Result<[Kernel; N]> {
     Kernel::all(gpu, name, entry_points, constants, buffers, |source| {
-        // SAFETY: indices follow from counts that these kernels have made, here or on another device: of contributions, terms and entries. Buffers have room
-        // for the largest possible counts, and loops count up to them.
+        // SAFETY: indices follow from counts that these kernels have made, here or on another device: of contributions, terms and entries.
+        // Buffers have room for the largest possible counts, and loops count up to them.
         unsafe { gpu.unchecked_module(name, source) }
     })
 }
