@@ -33,12 +33,8 @@ struct Options {
     /// The rooms.
     #[arg(long, value_delimiter = ',', default_value = "krylov,transport,measure,journal,io")]
     rooms: Vec<String>,
-    /// The targets of tests: `lib` for the tests beside the code, and names of folders in `tests`.
-    #[arg(
-        long,
-        value_delimiter = ',',
-        default_value = "lib,library,commands,scene"
-    )]
+    /// The targets of tests: `lib` for the tests beside the code, and names of programs of tests.
+    #[arg(long, value_delimiter = ',', default_value = "lib,library,commands,scene")]
     tests: Vec<String>,
     /// One piece of the whole: K/N, with K from 0.
     #[arg(long, value_name = "K/N")]
