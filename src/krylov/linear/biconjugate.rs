@@ -7,6 +7,9 @@ use crate::krylov::basis::{axpy, dot, norm, update2};
 use crate::krylov::completeness::Status;
 use crate::operator::Adjoint;
 
+const RHO_VANISHED: Status = Status::Breakdown("the residual is orthogonal to its shadow");
+const SIGMA_VANISHED: Status = Status::Breakdown("a product is orthogonal to the residual's shadow");
+
 /// The shadow residual `r̃ = r_0`, and the phase within an iteration of two products.
 struct Shadowed {
     shadow: Vec<f64>,
@@ -44,15 +47,15 @@ impl Shadowed {
         Ok(false)
     }
 
-    /// Returns `ρ_k / ρ_{k−1}` for the new direction, where `ρ = r̃ᵀ r`; 0 for the first direction.
-    fn advance_rho(&mut self, system: &System) -> std::result::Result<f64, Status> {
+    /// Returns `ρ_k / ρ_{k−1}` for the new direction, where `ρ = r̃ᵀ r`; 0 for the first direction. `None` means that `ρ_k` vanishes.
+    fn advance_rho(&mut self, system: &System) -> Option<f64> {
         let rho = dot(&self.shadow, &system.r);
         if negligible(rho, &self.shadow, &system.r) {
-            return Err(Status::Breakdown("the residual is orthogonal to its shadow"));
+            return None;
         }
         let ratio = if self.rho == 0.0 { 0.0 } else { rho / self.rho };
         self.rho = rho;
-        Ok(ratio)
+        Some(ratio)
     }
 
     /// Writes `A M⁻¹ v` to the system's `work`. If `v` is `None`, `v` is the residual.
@@ -61,13 +64,10 @@ impl Shadowed {
         system.tally.product(operator, &self.hat, &mut system.work)
     }
 
-    /// `α = ρ / r̃ᵀ A M⁻¹ p` from the product in `work`.
-    fn alpha(&self, system: &System) -> std::result::Result<f64, Status> {
+    /// `α = ρ / r̃ᵀ A M⁻¹ p` from the product in `work`. `None` means that the divisor vanishes.
+    fn alpha(&self, system: &System) -> Option<f64> {
         let sigma = dot(&self.shadow, &system.work);
-        if negligible(sigma, &self.shadow, &system.work) {
-            return Err(Status::Breakdown("a product is orthogonal to the residual's shadow"));
-        }
-        Ok(self.rho / sigma)
+        (!negligible(sigma, &self.shadow, &system.work)).then(|| self.rho / sigma)
     }
 
     /// Ends a step that changed the iterate.
@@ -121,20 +121,14 @@ impl Recurrence for Cgs {
             return Ok(Advance::Continuing);
         }
         if self.shared.phase == Phase::Direction {
-            let beta = match self.shared.advance_rho(system) {
-                Ok(beta) => beta,
-                Err(status) => return ended(status),
-            };
+            let Some(beta) = self.shared.advance_rho(system) else { return ended(RHO_VANISHED) };
             update2(&mut self.u, &system.r, &self.q, |_, r, q| r + beta * q);
             update2(&mut self.p, &self.u, &self.q, |p, u, q| u + beta * (q + beta * p));
             self.shared.phase = Phase::First;
         }
         if self.shared.phase == Phase::First {
             self.shared.product(system, operator, Some(&self.p))?;
-            let alpha = match self.shared.alpha(system) {
-                Ok(alpha) => alpha,
-                Err(status) => return ended(status),
-            };
+            let Some(alpha) = self.shared.alpha(system) else { return ended(SIGMA_VANISHED) };
             self.alpha = alpha;
             self.v.copy_from_slice(&system.work);
             update2(&mut self.q, &self.u, &self.v, |_, u, v| u - alpha * v);
@@ -182,10 +176,7 @@ impl Recurrence for BiCgStab {
             return Ok(Advance::Continuing);
         }
         if self.shared.phase == Phase::Direction {
-            let ratio = match self.shared.advance_rho(system) {
-                Ok(ratio) => ratio,
-                Err(status) => return ended(status),
-            };
+            let Some(ratio) = self.shared.advance_rho(system) else { return ended(RHO_VANISHED) };
             let omega = self.omega;
             let beta = if ratio == 0.0 { 0.0 } else { ratio * (self.alpha / omega) };
             update2(&mut self.p, &system.r, &self.v, |p, r, v| r + beta * (p - omega * v));
@@ -194,10 +185,8 @@ impl Recurrence for BiCgStab {
         if self.shared.phase == Phase::First {
             // Moves along the biconjugate direction.
             self.shared.product(system, operator, Some(&self.p))?;
-            self.alpha = match self.shared.alpha(system) {
-                Ok(alpha) => alpha,
-                Err(status) => return ended(status),
-            };
+            let Some(alpha) = self.shared.alpha(system) else { return ended(SIGMA_VANISHED) };
+            self.alpha = alpha;
             self.v.copy_from_slice(&system.work);
             axpy(self.alpha, &self.shared.hat, &mut system.x);
             axpy(-self.alpha, &self.v, &mut system.r);
