@@ -90,6 +90,13 @@ impl Key {
         Self { hex, label, channels, rig }
     }
 
+    /// The key of the same matrix as a device assembles it, whose entries are rounded differently.
+    #[must_use]
+    pub fn of_device(&self) -> Self {
+        let hash = blake3::hash(format!("{} assembled on the device", self.hex).as_bytes());
+        Self { hex: hash.to_hex()[..HEX_DIGITS].to_owned(), ..self.clone() }
+    }
+
     /// A key from a file. The result is `None` for a text that is not a key. This check is needed because keys become file names.
     fn stored(hex: String, label: String, channels: Channels, rig: RigShape) -> Option<Self> {
         let is_digit = |byte: u8| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte);

@@ -294,7 +294,14 @@ impl SceneSource {
         Ok(Arc::clone(traced))
     }
 
+    /// The matrix from the cache. Where the device assembles matrices, its own come first, and those of the processor serve as well. Where
+    /// the processor does, only its own have its bits.
     fn look_up(&self, key: &Key) -> Option<Assembled> {
+        let of_device = self.tracer().assembles_on_device().then(|| key.of_device());
+        of_device.iter().chain([key]).find_map(|key| self.load(key))
+    }
+
+    fn load(&self, key: &Key) -> Option<Assembled> {
         match self.cache.as_ref()?.load(key) {
             Found::Whole(traced) => Some(*traced),
             Found::Missing => None,
@@ -336,6 +343,7 @@ impl SceneSource {
                 ));
             }
             Some(cache) => {
+                let key = if traced.is_on_gpu() { key.of_device() } else { key };
                 traced.matrix.fetch()?;
                 store(cache, &key, &traced, observer);
             }
@@ -382,4 +390,41 @@ fn share(tracer: &mut Tracer, scene: &Scene, settings: &Settings, observer: &Sha
     transport::share_scene(tracer, scene, settings.adapter.as_deref(), team)?;
     observer.detail(format_args!("processes {} trace the scene together", team.size()));
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lab::CacheChoice;
+
+    /// The cache keeps the matrices of a device apart from those of the processor, which alone have the processor's bits.
+    #[test]
+    fn the_processor_takes_no_matrix_of_a_device_from_the_cache() -> Result<()> {
+        let folder = tempfile::tempdir().expect("a temporary folder can be made");
+        let settings =
+            Settings { cache: CacheChoice::Folder(folder.path().to_path_buf()), ..Settings::default() };
+        let trace = TraceSettings::new(Resolution::new(6, 5), 4);
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/corner/scene.glb");
+        let open =
+            || SceneSource::open(&path, &View::default(), trace, &settings, &SharedObserver::default());
+        let [processor, device] = [open()?, open()?];
+        processor.tracer().assemble_on_device(false);
+        device.tracer().assemble_on_device(true);
+        let key = processor.key(Channels::Luma, false);
+        assert!(processor.look_up(&key).is_none() && device.look_up(&key).is_none());
+        let direct = |found: Option<Assembled>| found.map(|found| found.matrix.direct);
+        let cache = processor.cache.as_ref().expect("it has a folder");
+        let [of_processor, of_device] = [4, 8].map(|samples| {
+            let other = processor.with_settings(TraceSettings { samples, ..trace });
+            transport::assemble_layers(&mut other.tracer(), &other.settings, Channels::Luma, false)
+        });
+        store(cache, &key.of_device(), &of_device?, &processor.observer);
+        assert!(processor.look_up(&key).is_none(), "the processor's is not there");
+        let from_device = direct(device.look_up(&key));
+        store(cache, &key, &of_processor?, &processor.observer);
+        let (from_processor, preferred) = (direct(processor.look_up(&key)), direct(device.look_up(&key)));
+        assert!(from_device.is_some() && preferred == from_device && from_processor.is_some());
+        assert!(from_processor != from_device);
+        Ok(())
+    }
 }
