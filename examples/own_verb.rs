@@ -64,7 +64,7 @@ impl Answer for Spot {
     /// Files, the summary of `--json` and the attributes in Python come from these names.
     fn content(&self) -> Content<'_> {
         let mut content = Content::default();
-        content.image("spot", &self.photo);
+        content.picture("spot", &self.photo);
         content.fact("own_share", self.own);
         content.fact("distance", self.distance);
         content

@@ -137,8 +137,8 @@ pub trait Answer {
         true
     }
 
-    /// Writes pictures, adds sections to the page, and replaces its title, sentence or facts. The arrays of [`Answer::content`] are already
-    /// written. Fails if a file cannot be written, or with the errors of the photos that the page shows.
+    /// Adds pictures and sections to the page, and replaces its title, sentence or facts. Files, the arrays of [`Answer::content`] among them,
+    /// may be written only after this call. Fails with the errors of the photos that the page shows.
     fn show(&self, lab: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()>;
 }
 

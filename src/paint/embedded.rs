@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use flate2::Compression;
 use half::f16;
 use rand::{RngExt, SeedableRng};
 use serde_json::{Value, json};
@@ -76,9 +75,6 @@ pub struct Embedded {
     /// The fraction of the matrix's entries that the page contains.
     pub kept: f64,
 }
-
-/// The compression level. A higher level takes several times as long, and saves only a few per cent.
-const LEVEL: Compression = Compression::new(6);
 
 /// The smallest fraction of the entries that is tried for a matrix that is too large, and the number of trials.
 const LEAST_SHARE: f64 = 0.02;
@@ -251,7 +247,7 @@ struct Sections {
 
 impl Sections {
     fn add(&mut self, bytes: &[u8]) -> usize {
-        let (number, text) = (self.count, deflated(bytes, LEVEL));
+        let (number, text) = (self.count, deflated(bytes));
         // Writing to a string cannot fail.
         let _ = writeln!(self.html, "<script type=\"text/plain\" id=\"section-{number}\">{text}</script>");
         self.count += 1;

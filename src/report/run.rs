@@ -2,7 +2,9 @@
 
 use std::borrow::Cow;
 use std::fmt::{self, Write};
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -13,7 +15,7 @@ use super::figure;
 use super::figure::{difference, mean};
 use super::html::{Block, Figure, FileLink, Outcome, Report, Section, Verdict};
 use super::print::printed;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::finding::{Finding, Grade, Ratio, merge, worst};
 use crate::image::{Image, Resolution};
 use crate::io::manifest::{Independent, ProductsOn};
@@ -77,7 +79,7 @@ impl AnswerPage<'_> {
 
     /// Adds files of light in all three formats, and gives the figure the name of the files. `scale` is the exposure of the `.png`.
     pub fn light(&mut self, file: &str, image: &Image, scale: f32, caption: impl Into<String>) -> Figure {
-        self.files.image(file, Cow::Owned(image.clone()));
+        self.files.image(file, Arc::new(image.clone()));
         let figure = figure::light(image, scale, &self.unit, caption);
         self.picture(file, figure.named(file, format!("{file}.npy")))
     }
@@ -158,21 +160,26 @@ pub(crate) fn table(findings: &[Finding]) -> Block {
     Block::table(headers, findings.iter().map(row).collect(), "")
 }
 
-/// The files in a run's folder. They are written beside one another, by all cores, when all are known ([`Files::write`]).
+/// The files in a run's folder. They wait, and are written by all cores, many at a time.
 pub(crate) struct Files<'a> {
     pub(crate) folder: &'a Path,
     pub(crate) names: Vec<String>,
     /// Descriptions of some files, by name.
     about: Vec<(String, String)>,
-    /// The files that are not written yet.
-    waiting: Vec<Job<'a>>,
+    /// The files that are not written yet, by name.
+    waiting: Vec<(String, Job<'a>)>,
+    /// The first error of the files that are written.
+    error: Option<Error>,
 }
+
+/// So many files wait at most, because each one holds its content in memory.
+const MOST_WAITING: usize = 32;
 
 type Job<'a> = Box<dyn FnOnce() -> Result<()> + Send + 'a>;
 
 impl<'a> Files<'a> {
     pub(crate) fn new(folder: &'a Path) -> Self {
-        Self { folder, names: Vec::new(), about: Vec::new(), waiting: Vec::new() }
+        Self { folder, names: Vec::new(), about: Vec::new(), waiting: Vec::new(), error: None }
     }
 
     /// The arrays of an answer.
@@ -186,7 +193,7 @@ impl<'a> Files<'a> {
                 Values::U8(values) => files.array(&name, array.shape, || values),
                 Values::Bool(values) => files.array(&name, array.shape, || values),
                 Values::Rows(rows) => files.array(&name, array.shape, || Cow::Owned(rows.concat())),
-                Values::Image(image) => files.image(&name, Cow::Borrowed(image)),
+                Values::Image(image) => files.image(&name, image),
             }
         }
         files
@@ -194,14 +201,26 @@ impl<'a> Files<'a> {
 
     /// Adds a file to the list.
     pub(crate) fn path(&mut self, name: &str) -> PathBuf {
-        self.names.push(name.to_owned());
+        if !self.names.iter().any(|known| known == name) {
+            self.names.push(name.to_owned());
+        }
         self.folder.join(name)
     }
 
-    /// Adds a file that [`Files::write`] will write by `write`.
+    /// Adds a file that [`Files::write`] will write by `write`. It replaces a file of the same name that waits.
     pub(crate) fn later(&mut self, name: &str, write: impl FnOnce(&Path) -> Result<()> + Send + 'a) {
         let path = self.path(name);
-        self.waiting.push(Box::new(move || write(&path)));
+        self.waiting.retain(|(other, _)| other != name);
+        self.waiting.push((name.to_owned(), Box::new(move || write(&path))));
+        if self.waiting.len() >= MOST_WAITING {
+            self.write_waiting();
+        }
+    }
+
+    fn write_waiting(&mut self) {
+        let jobs = std::mem::take(&mut self.waiting).into_par_iter();
+        let written: Vec<Result<()>> = jobs.map(|(_, job)| job()).collect();
+        self.error = self.error.take().or(written.into_iter().find_map(Result::err));
     }
 
     /// Adds a text.
@@ -221,7 +240,7 @@ impl<'a> Files<'a> {
     }
 
     /// Adds an image as `NAME.npy` and `NAME.exr`.
-    pub(crate) fn image(&mut self, name: &str, image: Cow<'a, Image>) {
+    pub(crate) fn image(&mut self, name: &str, image: impl Deref<Target = Image> + Clone + Send + 'a) {
         let shape = shape(image.resolution(), image.channels());
         let [npy, exr] = ["npy", "exr"].map(|extension| format!("{name}.{extension}"));
         self.about.push((npy.clone(), format!("{}, float32", sizes(&shape))));
@@ -237,9 +256,8 @@ impl<'a> Files<'a> {
 
     /// Writes all files that wait. Fails with the first error in the order of the files.
     pub(crate) fn write(&mut self) -> Result<()> {
-        let written: Vec<Result<()>> =
-            std::mem::take(&mut self.waiting).into_par_iter().map(|job| job()).collect();
-        written.into_iter().collect()
+        self.write_waiting();
+        self.error.take().map_or(Ok(()), Err)
     }
 
     /// Links to the files so far: first the files with the results, then the record of the run.
@@ -378,4 +396,31 @@ pub(crate) fn stages(options: &MeasureOptions) -> String {
             .then(|| format!("white again every {} patterns", options.sentinel_every)),
     ];
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// More files than wait at once are all written and listed once. Of two with one name the later one counts, and the first error is told.
+    #[test]
+    fn files_that_wait_are_written_once() -> Result<()> {
+        let folder = tempfile::tempdir().expect("a temporary folder can be made");
+        let mut files = Files::new(folder.path());
+        files.text("0.txt", "replaced".into());
+        (0..70).for_each(|number| files.text(&format!("{number}.txt"), number.to_string()));
+        files.write()?;
+        assert_eq!(files.names.len(), 70);
+        for number in [0, 31, 32, 69] {
+            let text = std::fs::read_to_string(folder.path().join(format!("{number}.txt")));
+            assert_eq!(text.ok(), Some(number.to_string()));
+        }
+        for name in ["first fault", "second fault"] {
+            files.later(name, move |_| Err(Error::Numerical(name.into())));
+        }
+        (0..70).for_each(|number| files.text(&format!("{number}.txt"), String::new()));
+        let error = files.write().expect_err("two files fail").to_string();
+        assert!(error.contains("first fault"), "{error}");
+        files.write()
+    }
 }

@@ -2,7 +2,6 @@
 
 use std::collections::HashMap;
 
-use flate2::Compression;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -97,14 +96,11 @@ impl Values {
     }
 }
 
-/// The level of compression. Most bits of floats are noise, so that the best level saves 2 % and takes five times as long.
-const LEVEL: Compression = Compression::fast();
-
 /// Floats as text, deflated, in base64. The first bytes of all floats come first, then all second bytes, and so on, which deflates better.
 pub(super) fn packed(planes: &[Vec<f32>]) -> String {
     let numbers: Vec<[u8; 4]> = planes.iter().flatten().map(|value| value.to_le_bytes()).collect();
     let bytes: Vec<u8> = (0..4).flat_map(|place| numbers.iter().map(move |number| number[place])).collect();
-    deflated(&bytes, LEVEL)
+    deflated(&bytes)
 }
 
 #[derive(Default)]
