@@ -202,7 +202,7 @@ impl Gpu {
         })
     }
 
-    /// A device of its own on the fastest adapter, which stands for another card.
+    /// A second device on the fastest adapter, which stands for another card.
     #[cfg(test)]
     pub(crate) fn another_for_tests() -> Self {
         let share = if may_have_gpu() { Some(MEMORY_SHARE) } else { None };

@@ -138,7 +138,7 @@ impl Tracer {
 
     pub(crate) fn share(&mut self, remote: Remote) {
         self.remote = Some(Arc::new(remote));
-        // Each process of a team has a device of its own.
+        // Each process of a team has its own device.
         self.others.clear();
     }
 

@@ -24,7 +24,7 @@ use std::sync::Arc;
 use self::kernels::{Assembly, BLOCK, Kernels, PIXELS_OF_GROUP, Packing, SUMS, split, submit};
 use self::parts::{ClassRange, Endpoint, Parts};
 use self::rows::Rows;
-use super::assembled::{Assembled, shape};
+use super::assembled::Assembled;
 use super::gpu_matrix::{self, DeviceLayer, GpuMatrix};
 use super::layer::Layer;
 use super::noise::{Halves, Noise, relative};
@@ -82,8 +82,7 @@ fn assemble_within(
     (channels, split): (Channels, bool),
     limits: Option<Limits>,
 ) -> Result<Assembled> {
-    let layouts = several::prepared(tracer, settings, channels)?;
-    let (gpu, rig) = (tracer.gpu().clone(), shape(tracer, settings));
+    let (gpu, rig, layouts) = several::prepared(tracer, settings, channels)?;
     let assembly = Assembling::new(&gpu, rig, channels, (settings.samples, split), &layouts, limits)?;
     let mut parts = Parts::new(&assembly)?;
     let mut others = std::mem::take(&mut tracer.others);

@@ -11,22 +11,24 @@ use std::time::Duration;
 use super::parts::{Endpoint, Parts};
 use super::{Assembling, Limits, self_test};
 use crate::error::{Error, Result};
+use crate::gpu::Gpu;
 use crate::observer::{Estimate, Level, Observer, Step};
 use crate::render::{RecordLayout, StartPixels, TraceSettings, TraceSummary, Tracer};
-use crate::transport::Channels;
+use crate::transport::assembled::shape;
+use crate::transport::{Channels, RigShape};
 
-/// Tests the device, and prepares its tracer. Returns the layouts of the records.
+/// Tests the tracer's device and prepares the tracer. Returns the device, the shape of the rig, and the layouts of the records.
 pub(super) fn prepared(
     tracer: &mut Tracer,
     settings: &TraceSettings,
     channels: Channels,
-) -> Result<Vec<RecordLayout>> {
+) -> Result<(Gpu, RigShape, Vec<RecordLayout>)> {
     let gpu = tracer.gpu().clone();
     gpu.require_double_precision("sums of light")?;
     // The device is tested while the tracer prepares.
     let (works, layouts) =
         rayon::join(|| self_test::require_working(&gpu, channels), || tracer.prepare_resident(settings));
-    works.and(layouts)
+    Ok((gpu, shape(tracer, settings), works.and(layouts)?))
 }
 
 /// Traces the paths of all pixels, on the tracer's device and on those of the others, into `parts`. The observer of `tracer` sees its own
@@ -105,7 +107,7 @@ pub(super) fn trace(
 /// The time between two looks at whether the other devices are done.
 const POLL: Duration = Duration::from_millis(5);
 
-/// The observer of a device that traces a share: the user may stop it, and then all devices stop; and it stops when another one has.
+/// The observer of a device that traces a share. The device stops if the user stops it, or if another device has stopped.
 struct Together {
     stop: Arc<AtomicBool>,
     user: Arc<dyn Observer + Send + Sync>,
@@ -151,9 +153,7 @@ impl Terms {
         pixels: &StartPixels,
         limits: Limits,
     ) -> Result<Self> {
-        let layouts = prepared(tracer, settings, channels)?;
-        let gpu = tracer.gpu().clone();
-        let rig = crate::transport::assembled::shape(tracer, settings);
+        let (gpu, rig, layouts) = prepared(tracer, settings, channels)?;
         let assembly =
             Assembling::new(&gpu, rig, channels, (settings.samples, split), &layouts, Some(limits))?;
         let mut parts = Parts::new(&assembly)?;

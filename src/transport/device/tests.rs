@@ -202,7 +202,7 @@ impl Observer for Listening {
     }
 }
 
-/// If a device cannot help, a note says why, and the first one assembles the matrix alone. Whoever stops one device stops all.
+/// If a device cannot help, a note says why, and the first one assembles the matrix alone. If the user stops one device, all stop.
 #[test]
 fn several_devices_stop_together() {
     let (scene, settings) = (builtin::cornell().to_scene(), TraceSettings::new(Resolution::new(16, 16), 8));
