@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Subcommand;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::Outcome;
 use super::console::Console;
@@ -31,9 +32,9 @@ pub(super) struct Args {
     view: ViewArgs,
     #[command(flatten)]
     trace: TraceArgs,
-    /// Where a scene's matrix is assembled (the same, to the rounding of sums); auto: on a GPU that has f64 and room for it, else on the processor,
-    /// where it has the bits of joined shards
-    #[arg(long, value_name = "PRODUCTS", value_enum, default_value = "auto")]
+    /// Where a scene's matrix is assembled (the same, to the rounding of sums); auto: on a GPU that has f64 and room for it, else on the processor;
+    /// cpu: on the processor, with the bits of joined shards
+    #[arg(long, value_name = "PRODUCTS", value_parser = auto_or_cpu(), default_value = "auto")]
     products: Backend,
     #[command(flatten)]
     request: WriteMatrix,
@@ -41,6 +42,12 @@ pub(super) struct Args {
     keep: KeepArgs,
     #[command(flatten)]
     live: LiveArgs,
+}
+
+/// The places where a matrix is assembled. Without products there is no other choice.
+fn auto_or_cpu() -> impl TypedValueParser<Value = Backend> {
+    let backend = |name: String| if name == "cpu" { Backend::Cpu } else { Backend::Auto };
+    PossibleValuesParser::new(["auto", "cpu"]).map(backend)
 }
 
 const EXAMPLES: &str = "Examples:

@@ -12,8 +12,8 @@ use crate::lab::{CacheChoice, TraceOverrides};
 pub(super) struct TraceArgs {
     #[command(flatten)]
     pub(super) overrides: TraceOverrides,
-    /// The graphics adapter whose name contains this; `krylux info` lists them. all: those that are equal to the fastest one share the light paths of a
-    /// matrix
+    /// The graphics adapter whose name contains this; `krylux info` lists them. all: every adapter that is equal to the fastest one; they share the
+    /// light paths of a matrix
     #[arg(long, value_name = "NAME")]
     pub(super) adapter: Option<String>,
     #[command(flatten)]

@@ -43,7 +43,7 @@ pub struct WriteMatrix {
     pub file: Option<PathBuf>,
 }
 
-/// Join all parts that `krylux matrix SOURCE --shard K/N` traced to the matrix, with the bits of a single run
+/// Join all parts that `krylux matrix SOURCE --shard K/N` traced to the matrix, with the bits of a single run on the processor
 #[derive(clap::Args, Clone, Debug, Serialize, Deserialize)]
 #[command(
     after_help = "Example:\n  krylux matrix join shard-*.krylux -o matrix.npz # later verbs on this scene find it in the cache, too"
