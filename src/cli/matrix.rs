@@ -32,8 +32,8 @@ pub(super) struct Args {
     view: ViewArgs,
     #[command(flatten)]
     trace: TraceArgs,
-    /// Where a scene's matrix is assembled (the same, to the rounding of sums); auto: on a GPU that has f64 and room for it, else on the processor;
-    /// cpu: on the processor, with the bits of joined shards
+    /// Where a scene's matrix is assembled (the same, to the rounding of sums); auto: on a GPU that has f64 and room for it, else on the processor,
+    /// which alone gives the bits of joined shards
     #[arg(long, value_name = "PRODUCTS", value_parser = auto_or_cpu(), default_value = "auto")]
     products: Backend,
     #[command(flatten)]
