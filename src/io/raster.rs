@@ -29,7 +29,8 @@ impl Default for Raster {
 impl Raster {
     /// A picture of `w·h` pixels, given row by row from the top left. Missing pixels are black, and additional pixels are ignored.
     pub fn from_pixels(resolution: Resolution, pixels: impl IntoIterator<Item = [u8; 3]>) -> Self {
-        let mut bytes: Vec<u8> = pixels.into_iter().take(resolution.pixels()).flatten().collect();
+        let mut bytes = Vec::with_capacity(3 * resolution.pixels());
+        pixels.into_iter().take(resolution.pixels()).for_each(|pixel| bytes.extend_from_slice(&pixel));
         bytes.resize(3 * resolution.pixels(), 0);
         Self { resolution, bytes }
     }

@@ -99,7 +99,8 @@ impl Values {
 /// Floats as text, deflated, in base64. The first bytes of all floats come first, then all second bytes, and so on, which deflates better.
 pub(super) fn packed(planes: &[Vec<f32>]) -> String {
     let numbers: Vec<[u8; 4]> = planes.iter().flatten().map(|value| value.to_le_bytes()).collect();
-    let bytes: Vec<u8> = (0..4).flat_map(|place| numbers.iter().map(move |number| number[place])).collect();
+    let mut bytes = Vec::with_capacity(4 * numbers.len());
+    (0..4).for_each(|place| bytes.extend(numbers.iter().map(|number| number[place])));
     deflated(&bytes)
 }
 
@@ -127,24 +128,31 @@ impl Embedded {
             .into_iter()
             .filter_map(|(at, figure)| Some((at, figure, figure.values.as_ref()?)))
             .collect();
-        let texts: Vec<String> = values.par_iter().map(|(.., values)| packed(&values.planes)).collect();
         let mut embedded = Self::default();
         let mut bytes = 0;
-        for ((at, figure, values), text) in values.into_iter().zip(texts) {
-            embedded.add(at, values.describe(figure), text, &mut bytes);
+        // As many at a time as there are threads: what is packed and then left out costs time.
+        for values in values.chunks(rayon::current_num_threads().max(1)) {
+            let fits =
+                |(.., values): &(_, _, &Values)| (embedded.left_out == 0).then(|| packed(&values.planes));
+            let texts: Vec<Option<String>> = values.par_iter().map(fits).collect();
+            for ((at, figure, values), text) in values.iter().zip(texts) {
+                embedded.add(*at, values.describe(figure), text, &mut bytes);
+            }
         }
         embedded
     }
 
-    /// Adds the values of a figure, packed as `text`. `about` describes the figure.
-    fn add(&mut self, at: [usize; 3], mut about: Value, text: String, bytes: &mut usize) {
-        if *bytes + text.len() <= MOST_BYTES {
-            *bytes += text.len();
-            let id = format!("values-{}", self.sections.len());
-            about["values"] = json!(id);
-            self.sections.push((id, text));
-        } else {
-            self.left_out += 1;
+    /// Adds the values of a figure, packed as `text`. `about` describes the figure. After the first figure that does not fit, all are left
+    /// out.
+    fn add(&mut self, at: [usize; 3], mut about: Value, text: Option<String>, bytes: &mut usize) {
+        match text.filter(|text| self.left_out == 0 && *bytes + text.len() <= MOST_BYTES) {
+            Some(text) => {
+                *bytes += text.len();
+                let id = format!("values-{}", self.sections.len());
+                about["values"] = json!(id);
+                self.sections.push((id, text));
+            }
+            None => self.left_out += 1,
         }
         self.about.insert(at, about.to_string());
     }
