@@ -88,24 +88,31 @@ impl Segmentation {
         findings
     }
 
-    /// The light of the smallest group as a share of all light. Plain coordinates have large entries where an eigenvector is localized on a few
-    /// pixels, and k-means then makes these pixels a group of their own.
+    /// The smallest group: its light as a share of all light, and its pixels. Plain coordinates have large entries where an eigenvector is
+    /// localized on a few pixels, and k-means then makes these pixels a group of their own.
     fn smallest_group(&self) -> Finding {
         let all: f64 = self.degree.iter().sum();
-        let share = |(groups, labels): &(usize, Vec<u8>)| {
-            let mut light = vec![0.0; *groups];
+        let (mut least, mut fewest) = (f64::INFINITY, usize::MAX);
+        for (groups, labels) in &self.labels {
+            let mut found = vec![(0.0, 0_usize); *groups];
             for (&label, degree) in labels.iter().zip(&self.degree).filter(|(label, _)| **label != MASKED) {
-                light[usize::from(label)] += degree;
+                let (light, pixels) = &mut found[usize::from(label)];
+                *light += degree;
+                *pixels += 1;
             }
-            light.into_iter().fold(f64::INFINITY, f64::min) / all
-        };
-        let least = self.labels.iter().map(share).fold(f64::INFINITY, f64::min);
-        let grade = if least >= LEAST_SHARE { Grade::Ok } else { Grade::Fails };
+            for (light, pixels) in found {
+                (least, fewest) = (least.min(light / all), fewest.min(pixels));
+            }
+        }
+        let is_region = least >= LEAST_SHARE && fewest > 1;
         Finding::graded(
             "smallest group",
-            grade,
-            format!("the smallest group has {:.2} % of the light", 100.0 * least),
-            format!("at least {} %", 100.0 * LEAST_SHARE),
+            if is_region { Grade::Ok } else { Grade::Fails },
+            format!(
+                "the least light of a group is {:.2} %, and the fewest pixels are {fewest}",
+                100.0 * least
+            ),
+            format!("at least {} %, and two pixels", 100.0 * LEAST_SHARE),
             "a few pixels with an eigenvector of their own are not a region: `--coordinates commute` gives them no influence",
         )
     }

@@ -7,7 +7,7 @@ use krylux::analysis::separate::SeparateBy;
 use krylux::analysis::{
     Blurred, Coordinates, MASKED, SegmentOptions, Segmentation, WithoutDirect, adjusted_rand_index,
 };
-use krylux::finding::Grade;
+use krylux::finding::{Finding, Grade};
 use krylux::image::{Blur, Resolution};
 use krylux::lab::Lab;
 use krylux::scene::{Scene, builtin};
@@ -214,6 +214,17 @@ fn plain_coordinates_are_the_entries_of_the_eigenvectors_with_equal_weights() {
     let agreement = folds.agreement(labels(&found, 2));
     assert!((0.9..folds.agreement(labels(&scaled, 2))).contains(&agreement), "{agreement}");
     assert!(found.findings().iter().all(|finding| finding.grade == Grade::Ok), "{:?}", found.findings());
+    // A single pixel is no region, however bright it is.
+    let mut single = found;
+    single
+        .degree
+        .iter_mut()
+        .enumerate()
+        .for_each(|(pixel, degree)| *degree = if pixel == 0 { 1e3 } else { 1.0 });
+    let of_two = single.labels.iter_mut().find(|(groups, _)| *groups == 2).map(|(_, labels)| labels).unwrap();
+    of_two.iter_mut().enumerate().for_each(|(pixel, label)| *label = u8::from(pixel == 0));
+    let graded = |found: &Finding| (found.name == "smallest group").then_some(found.grade);
+    assert_eq!(single.findings().iter().find_map(graded), Some(Grade::Fails));
 }
 
 #[test]
