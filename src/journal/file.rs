@@ -4,13 +4,14 @@ use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::format::{Damage, Entry, Kind, MAX_METADATA_BYTES, Scan, Torn, encode, read_at, record_name};
-use super::{Identity, Key};
+use super::{Identity, Key, checksum};
 use crate::error::{Error, Result};
 
-/// The minimum time between two syncs by [`Journal::append_buffered`].
+/// The minimum time between the end of a sync and the next one that [`Journal::append_buffered`] begins.
 const SYNC_INTERVAL: Duration = Duration::from_millis(250);
 
 /// A journal that is open for reading. It is also open for appending, unless [`Journal::read_only`] opened it.
@@ -29,18 +30,30 @@ pub struct Journal {
     /// Whether an error left the end of the file in an unknown state. If so, nothing is written any more.
     pub(super) broken: bool,
     pub(super) synced: Synced,
+    /// When the last record was appended by [`Journal::append_buffered`].
+    pub(super) appended: Instant,
 }
 
 /// The records that are known to be on disk. Later records may only be in the operating system's buffers.
 #[derive(Debug)]
 pub(super) struct Synced {
     entries: usize,
+    /// When the sync ended.
     at: Instant,
+    running: Option<Syncing>,
+}
+
+/// A sync by another thread.
+#[derive(Debug)]
+struct Syncing {
+    /// The number of records when it began.
+    entries: usize,
+    outcome: JoinHandle<(io::Result<()>, Instant)>,
 }
 
 impl Synced {
     pub(super) fn now(entries: usize) -> Self {
-        Self { entries, at: Instant::now() }
+        Self { entries, at: Instant::now(), running: None }
     }
 }
 
@@ -117,7 +130,7 @@ impl Journal {
         })?;
         let mut payload = vec![0; length];
         read_at(&self.file, entry.payload_at(), &mut payload).map_err(Error::reading(&self.path))?;
-        if *blake3::hash(&payload).as_bytes() == entry.checksum {
+        if checksum(&payload) == entry.checksum {
             return Ok(Some(Stored { metadata: entry.metadata.clone(), payload }));
         }
         let entry = entry.clone();
@@ -144,11 +157,17 @@ impl Journal {
 
     /// Stores a pattern, unless the journal has it already, and returns its key. Appending the next photo also syncs the pattern to disk.
     pub fn pattern(&mut self, payload: &[u8]) -> Result<Key> {
-        let key = Key::of(&[b"pattern", payload]);
-        if !self.holds(key) {
-            self.write(Kind::Pattern, key, b"", payload)?;
-        }
-        Ok(key)
+        let key = Self::pattern_key(payload);
+        self.keep_pattern(key, payload).map(|()| key)
+    }
+
+    pub(crate) fn pattern_key(payload: &[u8]) -> Key {
+        Key::of(&[b"pattern", payload])
+    }
+
+    /// Works like [`Journal::pattern`], for a known [`Journal::pattern_key`].
+    pub(crate) fn keep_pattern(&mut self, key: Key, payload: &[u8]) -> Result<()> {
+        if self.holds(key) { Ok(()) } else { self.write(Kind::Pattern, key, b"", payload) }
     }
 
     /// Appends a record. It returns when this record and all earlier ones are on disk.
@@ -158,19 +177,35 @@ impl Journal {
     /// with this key. No earlier record is lost: a partly written record is removed.
     pub fn append(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         self.write_unless_held(kind, key, metadata, payload)?;
-        self.sync()
+        self.flush()
     }
 
     /// Appends a record that could be computed again. The call returns when the operating system has the record, so the record survives if
-    /// this process ends in any way. A system crash can lose the record until the next sync. The journal syncs when it is closed. It also
-    /// syncs on an append if the last sync was at least a quarter of a second ago. Syncing each record would take longer than a product
-    /// with the matrix.
+    /// this process ends in any way. Syncing each record would take longer than a product with the matrix. An append therefore syncs only
+    /// if the last sync ended at least a quarter of a second ago, and another thread syncs if the last record is not as old. A system crash
+    /// can lose the records since the last sync. The journal also syncs when it is closed.
     ///
     /// # Errors
-    /// The errors of [`Journal::append`]. If a sync fails, all records since the last successful sync are removed.
+    /// The errors of [`Journal::append`]. If a sync fails, all records since the last successful sync are removed. If another thread has
+    /// synced, a later append or [`Journal::flush`] fails.
     pub fn append_buffered(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         self.write_unless_held(kind, key, metadata, payload)?;
-        if self.synced.at.elapsed() < SYNC_INTERVAL { Ok(()) } else { self.sync() }
+        let pause = std::mem::replace(&mut self.appended, Instant::now()).elapsed();
+        if pause >= SYNC_INTERVAL {
+            // A slow product is not slowed down by a sync.
+            return self.flush();
+        }
+        if self.synced.running.as_ref().is_some_and(|running| running.outcome.is_finished()) {
+            self.end_sync()?;
+        }
+        let is_due = self.synced.running.is_none() && self.synced.at.elapsed() >= SYNC_INTERVAL;
+        if is_due { self.begin_sync() } else { Ok(()) }
+    }
+
+    /// Returns when all records are on disk. Fails as [`Journal::append`].
+    pub fn flush(&mut self) -> Result<()> {
+        self.end_sync()?;
+        if self.synced.entries < self.content.entries.len() { self.sync() } else { Ok(()) }
     }
 
     fn write_unless_held(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
@@ -185,8 +220,38 @@ impl Journal {
 
     fn sync(&mut self) -> Result<()> {
         // `sync_data` also writes the length of the file. It may omit the times of the file, which are not needed.
-        let Err(source) = self.file.sync_data() else {
-            self.synced = Synced::now(self.content.entries.len());
+        let outcome = self.file.sync_data();
+        self.synced_to(self.content.entries.len(), (outcome, Instant::now()))
+    }
+
+    /// Begins a sync by another thread. If there can be no other thread, this one syncs.
+    fn begin_sync(&mut self) -> Result<()> {
+        let entries = self.content.entries.len();
+        let thread = self.file.try_clone().and_then(|file| {
+            std::thread::Builder::new()
+                .name("journal".into())
+                .spawn(move || (file.sync_data(), Instant::now()))
+        });
+        match thread {
+            Ok(outcome) => {
+                self.synced.running = Some(Syncing { entries, outcome });
+                Ok(())
+            }
+            Err(_) => self.sync(),
+        }
+    }
+
+    /// Waits for the sync that is running.
+    fn end_sync(&mut self) -> Result<()> {
+        let Some(Syncing { entries, outcome }) = self.synced.running.take() else { return Ok(()) };
+        let early = || (Err(io::Error::other("the thread that syncs ended early")), Instant::now());
+        self.synced_to(entries, outcome.join().unwrap_or_else(|_| early()))
+    }
+
+    /// Records the outcome of a sync of the first `entries` records.
+    fn synced_to(&mut self, entries: usize, (outcome, at): (io::Result<()>, Instant)) -> Result<()> {
+        let Err(source) = outcome else {
+            self.synced = Synced { entries, at, running: None };
             return Ok(());
         };
         // It is unknown which records since the last sync are on disk. All of them are removed, and this process writes no more.
@@ -263,11 +328,9 @@ impl Journal {
 
 impl Drop for Journal {
     fn drop(&mut self) {
-        if self.synced.entries < self.content.entries.len() {
-            // There is no caller to report an error to. A record that did not reach the disk fails its checksum later, and its photo is
-            // taken again.
-            let _ = self.sync();
-        }
+        // There is no caller to report an error to. A record that did not reach the disk fails its checksum later, and its photo is taken
+        // again.
+        let _ = self.flush();
     }
 }
 
@@ -303,12 +366,63 @@ mod tests {
             let key = journal.key(&[name]);
             journal.append_buffered(Kind::Photo, key, b"", b"2")
         };
-        // A sync time in the future counts as recent, even on a slow machine.
-        journal.synced.at = Instant::now() + 100 * SYNC_INTERVAL;
+        // A time in the future counts as recent, even on a slow machine.
+        let recent = || Instant::now() + 100 * SYNC_INTERVAL;
+        let long_ago = || Instant::now().checked_sub(SYNC_INTERVAL).expect("the machine has run for longer");
+        (journal.synced.at, journal.appended) = (recent(), recent());
         append(&mut journal, b"second").expect("nothing is synced");
-        journal.synced.at =
-            Instant::now().checked_sub(SYNC_INTERVAL).expect("the machine has run for longer");
-        append(&mut journal, b"third").expect_err("the sync fails");
-        assert_eq!(journal.photos(), 1, "both records since the last sync may be lost");
+        (journal.synced.at, journal.appended) = (long_ago(), recent());
+        append(&mut journal, b"third").expect("another thread syncs");
+        wait(&journal);
+        journal.appended = recent();
+        append(&mut journal, b"fourth").expect_err("the sync has failed");
+        assert_eq!(journal.photos(), 1, "all records since the last sync may be lost");
+        append(&mut journal, b"fifth").expect_err("nothing is written any more");
+
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let mut journal = unsyncable(folder.path());
+        journal.appended = long_ago();
+        append(&mut journal, b"slow").expect_err("the record of a slow product is synced at once");
+
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let mut journal = unsyncable(folder.path());
+        (journal.synced.at, journal.appended) = (long_ago(), recent());
+        append(&mut journal, b"last").expect("another thread syncs");
+        journal.flush().expect_err("the sync has failed, though nothing is appended any more");
+    }
+
+    /// Waits until the sync by another thread has ended.
+    fn wait(journal: &Journal) {
+        while journal.synced.running.as_ref().is_some_and(|running| !running.outcome.is_finished()) {
+            std::thread::yield_now();
+        }
+    }
+
+    #[test]
+    fn records_are_synced_by_another_thread_and_survive() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let mut journal =
+            Journal::create(folder.path(), &Identity::new()).expect("the folder can be written");
+        let payload = vec![7; 2 * super::super::PARALLEL + 1];
+        let long_ago = Instant::now().checked_sub(SYNC_INTERVAL).expect("the machine has run for longer");
+        for record in 0..20_u8 {
+            wait(&journal);
+            (journal.synced.at, journal.appended) = (long_ago, Instant::now() + 100 * SYNC_INTERVAL);
+            let key = journal.key(&[&[record]]);
+            journal.append_buffered(Kind::Photo, key, b"", &payload).expect("a disk can be synced");
+            assert_eq!(journal.synced.entries, usize::from(record), "all records that a sync has reached");
+            assert!(record > 0 || journal.synced.running.is_some(), "the first append begins a sync");
+            if journal.synced.running.is_none() {
+                journal.begin_sync().expect("there can be another thread");
+            }
+        }
+        journal.flush().expect("a disk can be synced");
+        assert_eq!(journal.synced.entries, 20);
+        drop(journal);
+        let mut journal = Journal::read_only(folder.path()).expect("the journal is there");
+        let key = journal.key(&[&[19]]);
+        assert_eq!(journal.get(key).expect("readable").map(|stored| stored.payload), Some(payload.clone()));
+        let one_thread = *blake3::hash(&payload).as_bytes();
+        assert_eq!(checksum(&payload), one_thread, "any number of threads gives the same hash");
     }
 }

@@ -4,7 +4,7 @@
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 
-use super::{Identity, Key};
+use super::{Identity, Key, checksum};
 
 /// The first bytes of a record. Like PNG's signature, they reveal a transfer that changed line ends or removed the eighth bit.
 const MARKER: [u8; 8] = *b"\x89klxrec\n";
@@ -126,7 +126,7 @@ pub(super) fn encode(
     payload: &[u8],
     offset: u64,
 ) -> (Vec<u8>, Entry) {
-    let checksum = *blake3::hash(payload).as_bytes();
+    let checksum = checksum(payload);
     let mut bytes = Vec::with_capacity(HEAD_BYTES + metadata.len());
     bytes.extend(MARKER);
     bytes.extend(kind.code().to_le_bytes());

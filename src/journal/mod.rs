@@ -41,6 +41,24 @@ use serde::{Deserialize, Serialize};
 pub use file::{Journal, Stored};
 pub use format::{Damage, Entry, Kind, Torn};
 
+/// Several threads hash this many bytes or more. For fewer bytes they would take longer than one.
+const PARALLEL: usize = 1 << 17;
+
+fn update(hasher: &mut blake3::Hasher, bytes: &[u8]) {
+    if bytes.len() < PARALLEL {
+        hasher.update(bytes)
+    } else {
+        hasher.update_rayon(bytes)
+    };
+}
+
+/// The BLAKE3 hash of these bytes.
+fn checksum(bytes: &[u8]) -> [u8; 32] {
+    let mut hasher = blake3::Hasher::new();
+    update(&mut hasher, bytes);
+    *hasher.finalize().as_bytes()
+}
+
 /// The key of a record: the BLAKE3 hash of everything on which the photo, pattern or note depends.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Key([u8; 32]);
@@ -51,7 +69,7 @@ impl Key {
         let mut hasher = blake3::Hasher::new();
         for part in parts {
             hasher.update(&(part.len() as u64).to_le_bytes());
-            hasher.update(part);
+            update(&mut hasher, part);
         }
         Self(*hasher.finalize().as_bytes())
     }

@@ -3,7 +3,7 @@
 use std::fs::{File, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::Identity;
 use super::file::{Journal, Synced};
@@ -148,7 +148,8 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     let index = content.entries.iter().enumerate().map(|(index, entry)| (entry.key, index)).collect();
     let end = content.torn.as_ref().map_or(length, |torn| torn.offset);
     let synced = Synced::now(content.entries.len());
-    Ok(Journal { path, file, lock, identity, identity_hash, content, index, end, broken: false, synced })
+    let (broken, appended) = (false, Instant::now());
+    Ok(Journal { path, file, lock, identity, identity_hash, content, index, end, broken, synced, appended })
 }
 
 /// Takes the journal's lock. However this process ends, the system then closes the file and releases the lock.

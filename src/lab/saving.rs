@@ -133,8 +133,11 @@ impl Lab {
         }
     }
 
-    /// Records the costs of a rig, unless they are already recorded.
+    /// Records the costs of a rig, unless they are already recorded. All photos of a complete run are on disk first.
     fn record_costs(&self, run: &mut RunFolder, is_complete: bool) -> Result<()> {
+        if let (Some(transport), true) = (&self.transport, is_complete) {
+            lock(transport).flush()?;
+        }
         if let (Some(transport), None) = (&self.transport, &run.manifest.rig) {
             run.manifest.rig = lock(transport).record(is_complete)?;
         }

@@ -170,6 +170,11 @@ impl LightTransport {
         }
     }
 
+    /// Returns when all photos of the journal are on disk.
+    pub(super) fn flush(&mut self) -> Result<()> {
+        self.journal.as_mut().map_or(Ok(()), Journal::flush)
+    }
+
     /// The costs of a run on a rig so far; see [`MeasuredRig::record`].
     pub(super) fn record(&mut self, is_complete: bool) -> Result<Option<RigRecord>> {
         self.rig().map(|rig| rig.record(is_complete)).transpose()

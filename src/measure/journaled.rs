@@ -117,7 +117,7 @@ impl<'a> JournaledFrames<'a> {
     }
 
     fn key(&self, request: &CaptureRequest, pattern: &[u8]) -> Key {
-        let pattern = Key::of(&[b"pattern", pattern]);
+        let pattern = Journal::pattern_key(pattern);
         let exposure = request.exposure.to_bits().to_le_bytes();
         self.journal.key(&[b"raw frame", pattern.bytes(), &exposure, &request.take.to_le_bytes()])
     }
@@ -134,9 +134,9 @@ impl<'a> JournaledFrames<'a> {
     }
 
     fn repair_pattern(&mut self, pattern: &[u8]) -> Result<()> {
-        let key = Key::of(&[b"pattern", pattern]);
+        let key = Journal::pattern_key(pattern);
         if self.journal.is_writable() && self.journal.get(key)?.is_none() {
-            self.journal.pattern(pattern)?;
+            self.journal.keep_pattern(key, pattern)?;
         }
         Ok(())
     }

@@ -1,5 +1,7 @@
 //! A journal for products. A product is written to the journal before it is used, so no product is computed twice.
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
@@ -25,7 +27,7 @@ struct Note {
 }
 
 struct Keys {
-    pattern: Vec<u8>,
+    pattern: Key,
     product: Key,
 }
 
@@ -92,7 +94,7 @@ impl<'a> JournaledOperator<'a> {
             let places: Vec<usize> = new.iter().map(|(place, _)| *place).collect();
             self.take(direction, from, to, &places)?;
             for (place, keys) in new {
-                self.append(direction, keys, to[*place])?;
+                self.append(direction, keys, from[*place], to[*place])?;
             }
         }
         for (first, place) in repeated {
@@ -103,13 +105,12 @@ impl<'a> JournaledOperator<'a> {
     }
 
     fn keys(&self, direction: Direction, from: &[f64]) -> Keys {
-        let pattern = bytes(from);
         let side: &[u8] = match direction {
             Direction::Forward => b"forward",
             Direction::Adjoint => b"adjoint",
         };
-        let pattern_key = Key::of(&[b"pattern", &pattern]);
-        let product = self.journal.key(&[b"product", self.name.as_bytes(), side, pattern_key.bytes()]);
+        let pattern = Journal::pattern_key(&bytes(from));
+        let product = self.journal.key(&[b"product", self.name.as_bytes(), side, pattern.bytes()]);
         Keys { pattern, product }
     }
 
@@ -142,9 +143,9 @@ impl<'a> JournaledOperator<'a> {
         inner.products(direction, &from, &mut to)
     }
 
-    fn append(&mut self, direction: Direction, keys: &Keys, to: &[f64]) -> Result<()> {
-        let pattern = self.journal.pattern(&keys.pattern)?.to_string();
-        let note = Note { operator: self.name.clone(), direction, pattern };
+    fn append(&mut self, direction: Direction, keys: &Keys, from: &[f64], to: &[f64]) -> Result<()> {
+        self.journal.keep_pattern(keys.pattern, &bytes(from))?;
+        let note = Note { operator: self.name.clone(), direction, pattern: keys.pattern.to_string() };
         // Strings always have a JSON form, so this cannot fail.
         let note = serde_json::to_vec(&note).unwrap_or_default();
         self.journal.append_buffered(Kind::Photo, keys.product, &note, &bytes(to))
@@ -155,8 +156,13 @@ fn numbers(bytes: &[u8]) -> Vec<f64> {
     bytes.as_chunks::<8>().0.iter().map(|value| f64::from_le_bytes(*value)).collect()
 }
 
-fn bytes(numbers: &[f64]) -> Vec<u8> {
-    numbers.iter().flat_map(|value| value.to_le_bytes()).collect()
+/// The bytes of numbers, little endian.
+fn bytes(numbers: &[f64]) -> Cow<'_, [u8]> {
+    if cfg!(target_endian = "little") {
+        Cow::Borrowed(bytemuck::cast_slice(numbers))
+    } else {
+        Cow::Owned(numbers.iter().flat_map(|value| value.to_le_bytes()).collect())
+    }
 }
 
 fn not_journaled(journal: &Journal, name: &str) -> Error {
