@@ -1,9 +1,11 @@
 //! The interface of linear operators for the Krylov methods. Vectors are real and may have negative entries, and a product may fail.
 
 mod both_ways;
+pub(crate) mod vectors;
 mod watched;
 
 pub use both_ways::{Exchanged, Gram};
+pub use vectors::{Settling, Sums, Vectors};
 pub use watched::{Observed, Product, Recorded, Relayed};
 
 use serde::{Deserialize, Serialize};
@@ -71,8 +73,8 @@ pub trait Operator {
         &()
     }
 
-    /// The standard errors of the products in the last call of [`Operator::apply`] or [`Operator::apply_block`] (or of their counterparts
-    /// for the transpose), in order. Each standard error is the expected `‖y − A x‖₂` due to noise. The default is empty: the products are
+    /// The standard errors of the products in the last call of [`Operator::apply`], [`Operator::apply_block`] (or of their counterparts
+    /// for the transpose) or [`Operator::apply_within`], in order. Each standard error is the expected `‖y − A x‖₂` due to noise. The default is empty: the products are
     /// exact, or their errors are unknown.
     fn standard_errors(&self) -> Vec<f64> {
         Vec::new()
@@ -105,6 +107,22 @@ pub trait Operator {
     fn confirming(&mut self, on: bool) -> bool {
         let _ = on;
         false
+    }
+
+    /// Vectors for `columns` columns in the memory where products are computed, for an operator that is square. The default `None` means
+    /// that products take their vectors from the host's memory, or that there is no room. Fails if the memory fails.
+    fn vectors(&self, columns: usize) -> Result<Option<Box<dyn Vectors>>> {
+        let _ = columns;
+        Ok(None)
+    }
+
+    /// `w ← A v` for column `v` of vectors that [`Operator::vectors`] of this operator made.
+    ///
+    /// # Errors
+    /// The errors of [`Operator::apply`]; [`Error::Numerical`] for vectors of another kind or size.
+    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
+        let _ = (vectors, column);
+        Err(vectors::made_elsewhere())
     }
 
     /// The standard error of the last product, if it was a single product. It is 0 if the product is exact or its error is unknown.
@@ -171,6 +189,22 @@ macro_rules! delegate {
             $crate::operator::inner!(self, $field).apply_block(xs, ys)
         }
     };
+    (@vectors $field:tt) => {
+        fn vectors(
+            &self,
+            columns: usize,
+        ) -> $crate::error::Result<Option<Box<dyn $crate::operator::Vectors>>> {
+            $crate::operator::inner!(self, $field).vectors(columns)
+        }
+
+        fn apply_within(
+            &mut self,
+            vectors: &mut dyn $crate::operator::Vectors,
+            column: usize,
+        ) -> $crate::error::Result<()> {
+            $crate::operator::inner!(self, $field).apply_within(vectors, column)
+        }
+    };
     (@block_size $field:tt) => {
         fn block_size(&self) -> usize {
             $crate::operator::inner!(self, $field).block_size()
@@ -230,7 +264,7 @@ macro_rules! forward {
     ($($pointer:ty),*) => { $(
         impl<O: Operator + ?Sized> Operator for $pointer {
             delegate!(deref: rows, cols, symmetry, apply, block_size, observer);
-            delegate!(deref: standard_errors, variances, frames, common_error, confirming);
+            delegate!(deref: standard_errors, variances, frames, common_error, confirming, vectors);
         }
 
         impl<O: Adjoint + ?Sized> Adjoint for $pointer {

@@ -65,8 +65,9 @@ impl Key {
             hasher.update(text.as_bytes());
         };
         part(&format!("krylux operator {OPERATOR_VERSION}"));
-        // The shader that computes products does not affect the matrix.
-        shader::SOURCES.iter().filter(|(name, _)| *name != "product").for_each(|(name, source)| {
+        // The shaders of products and vectors do not affect the matrix.
+        let makes = |name: &str| !["product", "vectors"].contains(&name);
+        shader::SOURCES.iter().filter(|(name, _)| makes(name)).for_each(|(name, source)| {
             part(name);
             part(&without_comments(source));
         });

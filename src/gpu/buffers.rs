@@ -139,11 +139,11 @@ pub(crate) struct Results {
 
 impl Results {
     pub(crate) fn new(gpu: &Gpu, label: &str, bytes: u64) -> Result<Self> {
-        let read = if gpu.shares_memory { BufferUsages::MAP_READ } else { BufferUsages::COPY_SRC };
+        let read = if gpu.shares_memory { BufferUsages::MAP_READ } else { BufferUsages::empty() };
         let readback = (!gpu.shares_memory)
             .then(|| gpu.buffer("read-back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST));
         Ok(Self {
-            buffer: gpu.buffer(label, bytes, BufferUsages::STORAGE | read)?,
+            buffer: gpu.buffer(label, bytes, BufferUsages::STORAGE | BufferUsages::COPY_SRC | read)?,
             readback: readback.transpose()?,
         })
     }

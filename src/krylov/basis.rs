@@ -3,15 +3,18 @@
 //! All kernels process fixed blocks of rows in parallel and add the sums of the blocks in the order of the rows. Results therefore depend
 //! neither on the number of threads nor on scheduling.
 
+use std::convert::Infallible;
+
 use rayon::prelude::*;
 
 use super::kernels::{add_block, dot_block, dots_block};
+pub(super) use crate::operator::vectors::norm_of_square;
 
 /// The rows of a block. A block of the long vector (8 KiB) stays in the first-level cache while the columns are read from memory.
 const BLOCK: usize = 1024;
 
 /// The columns of a tall matrix `V` of `rows × len`. Each column is contiguous in memory.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Basis {
     rows: usize,
     columns: Vec<Vec<f64>>,
@@ -43,10 +46,21 @@ impl Basis {
     pub(super) fn push_scaled(&mut self, w: &[f64], divisor: f64) {
         debug_assert_eq!(w.len(), self.rows);
         let mut column = self.spare.pop().unwrap_or_default();
-        column.clear();
         // A true division: the reciprocal of a subnormal norm would overflow.
-        column.extend(w.iter().map(|&value| value / divisor));
+        let divided = |value: &f64| value / divisor;
+        if w.len() < PARALLEL {
+            column.clear();
+            column.extend(w.iter().map(divided));
+        } else {
+            // The first write to new pages takes longer than the division.
+            w.par_iter().map(divided).collect_into_vec(&mut column);
+        }
         self.columns.push(column);
+    }
+
+    /// Removes the columns from `len` on, and keeps their memory for later columns.
+    pub(super) fn truncate(&mut self, len: usize) {
+        self.spare.extend(self.columns.drain(len..));
     }
 
     /// Removes all columns, and keeps their memory for later columns.
@@ -154,21 +168,6 @@ pub fn norm(w: &[f64]) -> f64 {
     norm_of_square(dot(w, w), w)
 }
 
-/// Computes [`norm`] from the known value of `wᵀw`.
-pub(super) fn norm_of_square(square: f64, w: &[f64]) -> f64 {
-    // Between these bounds, no significant square has overflowed or underflowed.
-    if (1e-280..1e300).contains(&square) {
-        return square.sqrt();
-    }
-    let largest = w.iter().fold(0.0_f64, |largest, value| {
-        if value.is_nan() || largest.is_nan() { f64::NAN } else { largest.max(value.abs()) }
-    });
-    if largest == 0.0 || !largest.is_finite() {
-        return largest;
-    }
-    largest * w.iter().map(|value| (value / largest).powi(2)).sum::<f64>().sqrt()
-}
-
 /// Below this length, threads cost more time than they save.
 const PARALLEL: usize = 16_384;
 const CHUNK: usize = 4096;
@@ -248,20 +247,29 @@ pub(super) struct Removed {
 /// In both cases, `m` columns satisfy `‖I − VᵀV‖_F ≤ √(2 Σ_k ‖V_kᵀv_{k+1}‖²) ≤ m (√2 γ + 8ε)`, because the sum of `2k` over the columns is
 /// at most `m²`. A test checks this bound on difficult cases.
 pub(super) fn orthogonalize(basis: &Basis, w: &mut [f64]) -> Removed {
-    let (mut next, mut length) = basis.dots_and_norm(0, w);
-    let mut coefficients = vec![0.0; basis.len()];
-    if basis.len() == 0 {
-        return Removed { coefficients, norm: length };
+    let start = basis.dots_and_norm(0, w);
+    let Ok(removed) = orthogonalized(start, |h| Ok::<_, Infallible>(basis.remove_and_dot(h, w)));
+    removed
+}
+
+/// The passes of [`orthogonalize`], from the first inner products and norm. `remove_and_dot` removes components, and returns the next ones.
+pub(super) fn orthogonalized<E>(
+    (mut next, mut length): (Vec<f64>, f64),
+    mut remove_and_dot: impl FnMut(&[f64]) -> Result<(Vec<f64>, f64), E>,
+) -> Result<Removed, E> {
+    let mut coefficients = vec![0.0; next.len()];
+    if next.is_empty() {
+        return Ok(Removed { coefficients, norm: length });
     }
     for _ in 0..PASSES {
         let before = length;
         coefficients.iter_mut().zip(&next).for_each(|(sum, part)| *sum += part);
-        (next, length) = basis.remove_and_dot(&next, w);
+        (next, length) = remove_and_dot(&next)?;
         if length > ENOUGH_LEFT * before || norm(&next) <= NEGLIGIBLE * length {
             break;
         }
     }
-    Removed { coefficients, norm: length }
+    Ok(Removed { coefficients, norm: length })
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use super::basis::norm;
 use super::eigen::{Eigs, HistoryRow};
 use super::singular::Singular;
 use crate::error::{Error, Result};
-use crate::operator::{Adjoint, Operator, delegate};
+use crate::operator::{Adjoint, Operator, Vectors, delegate};
 
 /// Numbers from `2^-SAFE` to `2^SAFE` are of ordinary size: a product of ten of them is far from `2^±1022`, the limits of double precision.
 const SAFE: i32 = 96;
@@ -103,22 +103,52 @@ impl<'a, O: Operator + ?Sized> Rescaled<'a, O> {
     fn divide(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         for (x, y) in xs.iter().zip(&*ys) {
             let length = finite_norm("a product with the operator", y)?;
-            if length > 0.0 {
-                self.power.get_or_insert_with(|| power(exponent(length) - exponent(norm(x))));
-            }
+            self.learn(length, || norm(x));
         }
         let power = self.power.unwrap_or(0);
         if self.begins && power != 0 {
             self.taken = xs.iter().zip(&*ys).map(|(x, y)| [x.to_vec(), y.to_vec()]).collect();
-            return Err(Error::Numerical(format!("the operator is of the order of 2^{power}")));
+            return Err(of_order(power));
         }
         ys.iter_mut().for_each(|y| scale(y, -power));
         Ok(())
     }
+
+    /// Chooses the power by the lengths of the first product that is not zero, and of its vector.
+    fn learn(&mut self, length: f64, of: impl FnOnce() -> f64) {
+        if length > 0.0 {
+            self.power.get_or_insert_with(|| power(exponent(length) - exponent(of())));
+        }
+    }
+}
+
+fn of_order(power: i32) -> Error {
+    Error::Numerical(format!("the operator is of the order of 2^{power}"))
 }
 
 impl<O: Operator + ?Sized> Operator for Rescaled<'_, O> {
     delegate!(operator: rows, cols, symmetry, block_size, observer, frames, confirming);
+
+    /// Products that are scaled are taken from the host's memory.
+    fn vectors(&self, columns: usize) -> Result<Option<Box<dyn Vectors>>> {
+        if self.power.unwrap_or(0) == 0 { self.operator.vectors(columns) } else { Ok(None) }
+    }
+
+    /// The columns have norm 1.
+    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
+        self.operator.apply_within(vectors, column)?;
+        if self.power.is_none() {
+            let (_, length) = vectors.dots_and_norm(vectors.columns())?;
+            self.learn(length, || 1.0);
+        }
+        match self.power.unwrap_or(0) {
+            0 => Ok(()),
+            power => {
+                self.taken = vec![[vectors.column(column)?.into_owned(), vectors.work()?.into_owned()]];
+                Err(of_order(power))
+            }
+        }
+    }
 
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         if !self.recall(xs, ys) {

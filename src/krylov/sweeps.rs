@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::basis::{Basis, norm_of_square, summed};
 use super::kernels::{add_block, dot_block, dots_block, settle_block};
+use crate::operator::Settling;
 
 /// The rows of a block. Blocks of eight columns (32 KiB) stay in the first-level cache, blocks of a hundred columns in the second-level
 /// cache.
@@ -16,16 +17,6 @@ pub(super) const ROWS: usize = 512;
 
 /// Below this length, threads cost more time than they save.
 pub(super) const PARALLEL: usize = 2048;
-
-/// The parts that a sweep removes from a vector `w` and from the last column.
-pub(super) struct Settling<'a> {
-    /// The parts of the last column along the columns before it. The sweep removes them from the last column. Empty if there are none.
-    pub(super) late: &'a [f64],
-    /// The coefficients of `w` on the last columns as they are before the sweep. The sweep removes these parts from `w` first.
-    pub(super) along: &'a [f64],
-    /// Small coefficients of `w` on the earlier columns. The sweep removes these parts after it has taken the inner products with `w`.
-    pub(super) ahead: &'a [f64],
-}
 
 impl Basis {
     /// `Vᵀ w` over the columns from `first`, and `‖w‖`.

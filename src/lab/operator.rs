@@ -7,7 +7,7 @@ use super::lock;
 use super::transport::{LightTransport, Shape};
 use crate::error::{Error, Result};
 use crate::observer::{Observer, PhotoTaken};
-use crate::operator::{Adjoint, Direction, Operator, Symmetry};
+use crate::operator::{Adjoint, Direction, Operator, Symmetry, Vectors};
 use crate::report::contact_sheet::ContactSheet;
 use crate::transport::Part;
 
@@ -81,15 +81,19 @@ impl LabOperator {
             return Ok(());
         }
         self.photos += xs.len();
-        let Some(sheet) = &self.sheet else { return Ok(()) };
-        let is_dual = direction == Direction::Adjoint;
         let mut goes_on = true;
         for (pattern, photo) in xs.iter().zip(ys) {
-            lock(sheet).push(self.channel, pattern, photo, is_dual)?;
-            let taken = PhotoTaken { channel: self.channel, pattern, photo, is_dual };
-            goes_on &= self.observer.0.photo(&taken).is_continue();
+            goes_on &= self.show(pattern, photo, direction == Direction::Adjoint)?;
         }
         if goes_on { Ok(()) } else { Err(Error::Interrupted) }
+    }
+
+    /// Shows a photo to the report and the observer. Returns whether the observer goes on.
+    fn show(&self, pattern: &[f64], photo: &[f64], is_dual: bool) -> Result<bool> {
+        let Some(sheet) = &self.sheet else { return Ok(true) };
+        lock(sheet).push(self.channel, pattern, photo, is_dual)?;
+        let taken = PhotoTaken { channel: self.channel, pattern, photo, is_dual };
+        Ok(self.observer.0.photo(&taken).is_continue())
     }
 }
 
@@ -137,6 +141,21 @@ impl Operator for LabOperator {
 
     fn frames(&self) -> Option<u64> {
         Some(lock(&self.transport).rig()?.measurement.effort().frames())
+    }
+
+    fn vectors(&self, columns: usize) -> Result<Option<Box<dyn Vectors>>> {
+        lock(&self.transport).vectors((self.part, self.channel), columns)
+    }
+
+    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
+        lock(&self.transport).product_within((self.part, self.channel), vectors, column)?;
+        self.errors.clear();
+        if self.is_confirming {
+            return Ok(());
+        }
+        self.photos += 1;
+        let goes_on = self.sheet.is_none() || self.show(&vectors.column(column)?, &vectors.work()?, false)?;
+        if goes_on { Ok(()) } else { Err(Error::Interrupted) }
     }
 
     fn confirming(&mut self, on: bool) -> bool {

@@ -18,7 +18,7 @@ use crate::image::{Image, Resolution};
 use crate::io::sparse::ProductNoise;
 use crate::journal::{Journal, Key};
 use crate::measure::RigRecord;
-use crate::operator::{Adjoint, Direction, Operator, Symmetry};
+use crate::operator::{Adjoint, Direction, Operator, Symmetry, Vectors};
 use crate::transport::{
     Assembled, Bounces, Channels, EstimatedOperator, JournaledOperator, Part, Retraced, RetracedOperator,
     Transport, pooled,
@@ -211,6 +211,29 @@ impl LightTransport {
             return self.products_taken(&format!("{name}, to confirm"), of, direction, xs, ys);
         }
         self.or_by_model(|transport| transport.products_taken(&name, of, direction, xs, ys))
+    }
+
+    /// Vectors where the products of one part and channel are computed ([`Operator::vectors`]). A run with a journal has none: asking the run
+    /// again repeats its patterns only if the host computed them.
+    pub(super) fn vectors(
+        &self,
+        (part, channel): (Part, usize),
+        columns: usize,
+    ) -> Result<Option<Box<dyn Vectors>>> {
+        match (&self.engine, &self.journal) {
+            (Engine::Replayed(traced), None) => traced.operator(part, channel).vectors(columns),
+            _ => Ok(None),
+        }
+    }
+
+    /// A product with such vectors ([`Operator::apply_within`]).
+    pub(super) fn product_within(
+        &mut self,
+        (part, channel): (Part, usize),
+        vectors: &mut dyn Vectors,
+        column: usize,
+    ) -> Result<()> {
+        self.engine.with_operator(part, channel, |operator| operator.apply_within(vectors, column))
     }
 
     /// Products, from the journal if it keeps them under this name.

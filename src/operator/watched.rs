@@ -43,6 +43,7 @@ impl<'a, O: ?Sized> Observed<'a, O> {
 
 impl<O: Operator + ?Sized> Operator for Observed<'_, O> {
     delegate!(operator: rows, cols, symmetry, apply, block_size, standard_errors, variances, common_error, frames, confirming);
+    delegate!(operator: vectors);
 
     fn observer(&self) -> &dyn Observer {
         self.observer
@@ -103,6 +104,7 @@ where
     F: FnMut(&dyn Observer, &Step<'_>) -> ControlFlow<()>,
 {
     delegate!(operator: rows, cols, symmetry, apply, block_size, standard_errors, variances, common_error, frames, confirming);
+    delegate!(operator: vectors);
 
     fn observer(&self) -> &dyn Observer {
         self

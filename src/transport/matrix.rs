@@ -7,13 +7,15 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::gpu_matrix::DeviceVectors;
 use super::layer::{Bounces, Layer, square};
 use super::spread::Spread;
 use super::tiles::{BLOCK_WIDTH, CompressedRows, Interleaved, Summable};
 use super::{Channels, GpuMatrix, RigShape};
 use crate::error::Result;
 use crate::image::Resolution;
-use crate::operator::{Adjoint, Direction, Operator, Symmetry};
+use crate::operator::vectors::made_elsewhere;
+use crate::operator::{Adjoint, Direction, Operator, Symmetry, Vectors};
 use crate::sparse::Csr;
 
 /// The number of rows that a task multiplies if the matrix has only a diagonal.
@@ -331,6 +333,21 @@ impl Operator for MatrixOperator<'_> {
 
     fn confirming(&mut self, _: bool) -> bool {
         true
+    }
+
+    /// On a device that computes the products.
+    fn vectors(&self, columns: usize) -> Result<Option<Box<dyn Vectors>>> {
+        let Some(device) = self.device else { return Ok(None) };
+        Ok(device.vectors(columns)?.map(|vectors| Box::new(vectors) as Box<dyn Vectors>))
+    }
+
+    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
+        let fits = vectors.rows() == self.rows() && vectors.rows() == self.cols();
+        let vectors = (vectors as &mut dyn std::any::Any).downcast_mut::<DeviceVectors>();
+        match self.device.filter(|_| fits).zip(vectors) {
+            Some((device, vectors)) => device.multiply_within((self.part, self.channel), vectors, column),
+            None => Err(made_elsewhere()),
+        }
     }
 }
 

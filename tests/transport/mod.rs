@@ -6,3 +6,4 @@ mod matrix;
 mod noise;
 mod operators;
 mod shards;
+mod vectors;

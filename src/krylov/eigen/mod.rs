@@ -9,7 +9,7 @@ use power::power;
 
 use super::completeness::{Completeness, Confirm, FurtherSteps, Recorder, Stats, Status, confirming};
 use super::factor;
-use super::factor::{Factorization, PairStatus, RitzPair, Which};
+use super::factor::{Away, Factorization, PairStatus, RitzPair, Which};
 use super::powers::{Rescaled, multiply_eigs, scaled};
 use super::start::Start;
 use crate::error::{Error, Result};
@@ -229,7 +229,8 @@ const NEAR: f64 = 1e3;
 
 /// Continues the search of [`eigs()`] from a factorization. `options.products` includes the products already in the factorization.
 /// `method`, `start` and `deflate` of the options are ignored. After an error, `factorization` holds all steps up to the product that
-/// failed, and another call continues from there. Fails with the errors of [`eigs()`].
+/// failed, and another call continues from there. If the operator holds the vectors ([`Operator::vectors`]) and its memory fails, the
+/// factorization returns to the last state whose vectors are in the host's memory. Fails with the errors of [`eigs()`].
 pub fn eigs_from(
     factorization: &mut Factorization,
     operator: &mut dyn Operator,
@@ -240,6 +241,32 @@ pub fn eigs_from(
     let left = options.products.saturating_sub(factorization.products());
     let steps = (factorization.steps() + left).min(most);
     factorization.reserve(steps);
+    let mut away = factorization.leave(operator, steps)?;
+    let searched = search(factorization, &mut away, operator, options);
+    let back = away.map_or(Ok(()), |away| factorization.bring_back(away));
+    let (pairs, status, history) = searched?;
+    back?;
+    let stats = Stats { products: factorization.products(), status };
+    let vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| factorization.ritz_vector(pair)).collect();
+    let common = vectors.iter().map(|vector| operator.common_error(vector)).collect::<Result<_>>()?;
+    let imaginary = pairs
+        .iter()
+        .map(|pair| if pair.is_real() { Vec::new() } else { factorization.ritz_vector_imaginary(pair) });
+    let imaginary = imaginary.collect();
+    let (scale, rows) = (factorization.scale(), factorization.n());
+    let found = Found { pairs: &pairs, vectors, common, imaginary, scale, rows };
+    Ok(found.eigs(options, factorization.asymmetry(), history, stats))
+}
+
+/// The search of [`eigs_from`], with the vectors in the memory of the operator if they are `away`. Returns the pairs, the reason for the
+/// end, and the history.
+fn search(
+    factorization: &mut Factorization,
+    away: &mut Option<Away>,
+    operator: &mut dyn Operator,
+    options: &EigsOptions,
+) -> Result<(Vec<RitzPair>, Status, Vec<HistoryRow>)> {
+    let most = options.max_basis.unwrap_or(usize::MAX);
     let mut recorder = Recorder::new(options.products);
     let mut further = FurtherSteps::new(factorization.n());
     let mut pairs = factorization.ritz(options.which, options.count)?;
@@ -259,12 +286,21 @@ pub fn eigs_from(
             // The restart also keeps half of the unwanted pairs, so that the next cycle converges faster.
             let steps = factorization.steps();
             let keep = options.count + steps.saturating_sub(options.count) / 2;
+            let was_away = away.take().map(|away| factorization.bring_back(away)).transpose()?.is_some();
             factorization.shrink(options.which, keep.min(most - 2 * waiting))?;
+            if was_away {
+                *away = factorization.leave(operator, most)?;
+            }
         }
-        if !is_near(&pairs, options, factorization.scale()) {
-            factorization.multiply_block(operator, options.products - factorization.products())?;
-        }
-        let step = factorization.expand(operator)?;
+        let step = match away {
+            Some(away) => factorization.expand_away(away, operator)?,
+            None => {
+                if !is_near(&pairs, options, factorization.scale()) {
+                    factorization.multiply_block(operator, options.products - factorization.products())?;
+                }
+                factorization.expand(operator)?
+            }
+        };
         pairs = factorization.ritz(options.which, options.count)?;
         let flow = recorder.row(
             operator.observer(),
@@ -278,16 +314,7 @@ pub fn eigs_from(
             break Status::Stopped;
         }
     };
-    let stats = Stats { products: factorization.products(), status };
-    let vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| factorization.ritz_vector(pair)).collect();
-    let common = vectors.iter().map(|vector| operator.common_error(vector)).collect::<Result<_>>()?;
-    let imaginary = pairs
-        .iter()
-        .map(|pair| if pair.is_real() { Vec::new() } else { factorization.ritz_vector_imaginary(pair) });
-    let imaginary = imaginary.collect();
-    let (scale, rows) = (factorization.scale(), factorization.n());
-    let found = Found { pairs: &pairs, vectors, common, imaginary, scale, rows };
-    Ok(found.eigs(options, factorization.asymmetry(), recorder.history, stats))
+    Ok((pairs, status, recorder.history))
 }
 
 /// The status if all directions are spanned. The result is exact unless the products have noise.

@@ -1,5 +1,6 @@
 //! Krylov factorizations `A V = V⁺ H`, from which eigenpairs are computed.
 
+mod place;
 mod ritz;
 mod save;
 mod step;
@@ -7,11 +8,13 @@ mod step;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::basis::{Basis, exceeds_rounding, norm, orthogonalize};
+use self::place::{Host, orthogonalize};
+use super::basis::{Basis, exceeds_rounding, norm};
 use super::start::seeded;
 use crate::error::{Error, Result};
-use crate::operator::{Operator, Symmetry, check_square};
+use crate::operator::{Operator, Symmetry, Vectors, check_square};
 
+pub(in crate::krylov) use place::Away;
 pub use ritz::{PairStatus, RitzPair, Which, temple_kato};
 pub use step::Step;
 
@@ -105,9 +108,11 @@ pub enum ProcessKind {
 #[derive(Clone, Debug)]
 pub struct Factorization {
     kind: ProcessKind,
-    /// Columns `Q`, then `v_1 … v_{m+p}`.
-    basis: Basis,
+    /// Columns `Q`, then `v_1 … v_{m+p}`, and the product of the present step.
+    host: Host,
     known: usize,
+    /// `p`.
+    pending: usize,
     /// The number of vectors that start the process. If the subspace is invariant, the same number of random vectors continues the process.
     block: usize,
     /// For each step, the coefficients of `A v_j` on `Q, v_1, …`, up to the vector that the step appended.
@@ -121,7 +126,6 @@ pub struct Factorization {
     /// The largest `‖A v_j‖` so far, a lower bound of `‖A‖`.
     scale: f64,
     draws: u64,
-    work: Vec<f64>,
     /// The parts that the last column still has along the columns before it, of norm at most 1e-12 together; empty if there are none. The
     /// next step removes these parts.
     late: Vec<f64>,
@@ -161,24 +165,25 @@ impl Factorization {
         if n == 0 {
             return Err(Error::Numerical("a Krylov process needs a space of at least one dimension".into()));
         }
-        let mut basis = Basis::new(n);
+        let mut host = Host { basis: Basis::new(n), work: vec![0.0; n] };
         for (index, vector) in deflate.iter().enumerate() {
             Error::check_size("a known vector's length", n, vector.len())?;
-            if !append(&mut basis, vector)? {
+            if !append(&mut host, vector)? {
                 return Err(Error::Numerical(format!(
                     "known vector {} is zero or depends on those before it",
                     index + 1
                 )));
             }
         }
-        let known = basis.len();
+        let known = host.basis.len();
         for start in starts {
             Error::check_size("a start vector's length", n, start.len())?;
-            append(&mut basis, start)?;
+            append(&mut host, start)?;
         }
         let mut process = Self {
             kind,
-            basis,
+            pending: host.basis.len() - known,
+            host,
             known,
             block: starts.len().min(n),
             columns: Vec::new(),
@@ -187,13 +192,12 @@ impl Factorization {
             products: 0,
             scale: 0.0,
             draws: 0,
-            work: vec![0.0; n],
             late: Vec::new(),
             ready: VecDeque::new(),
             filter: None,
         };
-        if process.basis.len() == known {
-            process.append_random();
+        if process.pending == 0 {
+            process.within_host(Self::append_random)?;
         }
         Ok(process)
     }
@@ -213,8 +217,8 @@ impl Factorization {
         self.settle();
         for start in starts {
             Error::check_size("a start vector's length", self.n(), start.len())?;
-            if self.basis.len() < self.n() {
-                append(&mut self.basis, start)?;
+            if self.total() < self.n() && append(&mut self.host, start)? {
+                self.pending += 1;
             }
         }
         self.block = (self.block + starts.len()).min(self.n());
@@ -229,8 +233,7 @@ impl Factorization {
     /// contains NaN or an infinity. The error of the product. After any error, the factorization is as before the step.
     pub fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step> {
         self.fits(operator)?;
-        // For a symmetric operator, A v_j lies in the span of v_{j−b} … v_{j+b}. The vector v_{j+b} is not in the basis yet.
-        self.step(operator, if self.is_symmetric() { 2 * self.block } else { 0 })
+        self.step(operator)
     }
 
     /// Takes up to `most` of the next products as one block of at most [`Operator::block_size`] products. The following steps use these
@@ -352,7 +355,7 @@ impl Factorization {
 
     /// The dimension of the space.
     pub fn n(&self) -> usize {
-        self.basis.rows()
+        self.host.basis.rows()
     }
 
     /// The dimension `m` of the subspace: the number of steps minus the number of vectors that restarts discarded.
@@ -367,23 +370,28 @@ impl Factorization {
 
     /// The number `p` of vectors that wait for their product.
     pub fn pending(&self) -> usize {
-        self.basis.len() - self.known - self.steps()
+        self.pending
+    }
+
+    /// `k + m + p`: the number of columns of the basis.
+    fn total(&self) -> usize {
+        self.known + self.steps() + self.pending
     }
 
     /// `V`: `m` orthonormal vectors of length `n`.
     pub fn basis(&self) -> &[Vec<f64>] {
-        &self.basis.columns()[self.known..self.known + self.steps()]
+        &self.host.basis.columns()[self.known..self.known + self.steps()]
     }
 
     /// `v_{m+1} … v_{m+p}`: orthonormal vectors of length `n`, which the next steps multiply. The last vector may have parts along the
     /// other basis vectors of up to 1e-12. They are usually far smaller. The next step removes these parts.
     pub fn waiting(&self) -> &[Vec<f64>] {
-        &self.basis.columns()[self.known + self.steps()..]
+        &self.host.basis.columns()[self.known + self.steps()..]
     }
 
     /// `Q`: the known vectors, made orthonormal.
     pub fn known(&self) -> &[Vec<f64>] {
-        &self.basis.columns()[..self.known]
+        &self.host.basis.columns()[..self.known]
     }
 
     /// The largest `‖A v_j‖` so far, a lower bound of `‖A‖₂`.
@@ -427,7 +435,7 @@ impl Factorization {
 
     /// Allocates memory for a subspace of `steps` dimensions, so that no step up to this size allocates a long vector.
     pub fn reserve(&mut self, steps: usize) {
-        self.basis.reserve(self.known + steps.min(self.n()) + self.block);
+        self.host.basis.reserve(self.known + steps.min(self.n()) + self.block);
     }
 
     /// `V s`, for `s` of length `m`.
@@ -435,31 +443,39 @@ impl Factorization {
         let mut vector = vec![0.0; self.n()];
         // The coefficients of the waiting vectors are zero.
         let mut padded = s.to_vec();
-        padded.resize(self.basis.len() - self.known, 0.0);
-        self.basis.accumulate(self.known, &padded, 1.0, &mut vector);
+        padded.resize(self.total() - self.known, 0.0);
+        self.host.basis.accumulate(self.known, &padded, 1.0, &mut vector);
         vector
     }
 
-    /// Appends a random vector orthogonal to the basis. Returns false if there is no such vector.
-    fn append_random(&mut self) -> bool {
-        let n = self.n();
+    /// Calls `change` with the vectors in the host's memory.
+    fn within_host<T>(&mut self, change: impl FnOnce(&mut Self, &mut dyn Vectors) -> T) -> T {
+        let mut host = std::mem::take(&mut self.host);
+        let changed = change(self, &mut host);
+        self.host = host;
+        changed
+    }
+
+    /// Appends a random vector orthogonal to the basis, if there is such a vector.
+    fn append_random(&mut self, vectors: &mut dyn Vectors) -> Result<()> {
+        let n = vectors.rows();
         // In a space of few dimensions a random vector may lie almost in the span, so several are tried.
         for _ in 0..8 {
-            if self.basis.len() >= n {
-                return false;
+            if self.total() >= n {
+                break;
             }
             self.draws += 1;
-            let vector = seeded(n, self.draws);
-            if matches!(append(&mut self.basis, &vector), Ok(true)) {
-                return true;
+            if append(vectors, &seeded(n, self.draws))? {
+                self.pending += 1;
+                break;
             }
         }
-        false
+        Ok(())
     }
 }
 
-/// Appends the part of `vector` that is orthogonal to `basis`, normalized. Returns false if this part is only rounding error.
-fn append(basis: &mut Basis, vector: &[f64]) -> Result<bool> {
+/// Appends the part of `vector` that is orthogonal to the basis, normalized. Returns false if this part is only rounding error.
+fn append(vectors: &mut dyn Vectors, vector: &[f64]) -> Result<bool> {
     let length = norm(vector);
     if !length.is_finite() {
         return Err(Error::Numerical("a start or known vector holds a NaN or an infinity".into()));
@@ -467,13 +483,13 @@ fn append(basis: &mut Basis, vector: &[f64]) -> Result<bool> {
     if length == 0.0 {
         return Ok(false);
     }
-    let mut w: Vec<f64> = vector.iter().map(|value| value / length).collect();
-    let left = orthogonalize(basis, &mut w).norm;
-    if !exceeds_rounding(left, 1.0, w.len()) {
-        return Ok(false);
+    vectors.load(&vector.iter().map(|value| value / length).collect::<Vec<f64>>())?;
+    let left = orthogonalize(vectors)?.norm;
+    let is_new = exceeds_rounding(left, 1.0, vector.len());
+    if is_new {
+        vectors.push(left)?;
     }
-    basis.push_scaled(&w, left);
-    Ok(true)
+    Ok(is_new)
 }
 
 /// Flips the sign of `vector` if its entry of largest magnitude is negative. Returns true if the sign changed.

@@ -369,7 +369,7 @@ impl Factorization {
         self.leak += norm(&lost);
         self.errors = kept.iter().map(|pair| self.noise(&pair.coefficients, &[])).collect();
         let vectors: Vec<&[f64]> = kept.iter().map(|pair| &pair.coefficients[..]).collect();
-        self.basis.rotate(self.known, self.known + m, &vectors);
+        self.host.basis.rotate(self.known, self.known + m, &vectors);
         self.columns.clear();
         for (index, (pair, part)) in kept.iter().zip(parts).enumerate() {
             let mut column = part.known;

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::io::{Read, Write};
 use std::path::PathBuf;
 
+use super::place::Host;
 use super::{Factorization, ProcessKind};
 use crate::error::{Error, Result};
 use crate::krylov::basis::Basis;
@@ -68,7 +69,7 @@ impl<W: Write> Sink<W> {
         self.bytes(MAGIC)?;
         self.bytes(&VERSION.to_le_bytes())?;
         self.bytes(&(state.kind as u32).to_le_bytes())?;
-        for count in [state.n(), state.known, state.block, state.basis.len(), state.steps(), state.products] {
+        for count in [state.n(), state.known, state.block, state.total(), state.steps(), state.products] {
             self.bytes(&(count as u64).to_le_bytes())?;
         }
         self.bytes(&state.draws.to_le_bytes())?;
@@ -80,7 +81,7 @@ impl<W: Write> Sink<W> {
         }
         self.bytes(&(state.late.len() as u64).to_le_bytes())?;
         self.floats(&state.late)?;
-        for column in state.basis.columns() {
+        for column in state.host.basis.columns() {
             self.floats(column)?;
         }
         let checksum = *self.hasher.finalize().as_bytes();
@@ -152,8 +153,9 @@ impl<R: Read> Source<R> {
         }
         Ok(Factorization {
             kind,
-            basis,
+            host: Host { basis, work: vec![0.0; n] },
             known,
+            pending: total - known - steps,
             block,
             columns,
             errors,
@@ -161,7 +163,6 @@ impl<R: Read> Source<R> {
             products,
             scale,
             draws,
-            work: vec![0.0; n],
             late,
             ready: VecDeque::new(),
             filter: None,

@@ -1,10 +1,10 @@
 //! A step of a factorization: takes one product, and adds the new part of the product to the basis.
 
 use super::Factorization;
+use super::place::orthogonalize;
 use crate::error::{Error, Result};
-use crate::krylov::basis::{ENOUGH_LEFT, PASSES, dot, exceeds_rounding, norm, orthogonalize};
-use crate::krylov::sweeps::Settling;
-use crate::operator::{Operator, block, block_mut};
+use crate::krylov::basis::{ENOUGH_LEFT, PASSES, dot, exceeds_rounding, norm};
+use crate::operator::{Operator, Settling, Vectors, block, block_mut};
 
 /// The outcome of a step of a factorization.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +30,7 @@ impl Factorization {
         let mut products = vec![vec![0.0; self.n()]; count];
         // The last waiting vector is multiplied without its late parts, because the steps before its own step remove them.
         let late = count == self.pending() && !self.late.is_empty();
-        let last = late.then(|| self.basis.settled_last(&self.late));
+        let last = late.then(|| self.host.basis.settled_last(&self.late));
         let mut vectors = block(&self.waiting()[..count]);
         if let (Some(last), Some(vector)) = (&last, vectors.last_mut()) {
             *vector = last;
@@ -42,24 +42,30 @@ impl Factorization {
         Ok(())
     }
 
-    /// Takes one step with one product `A v`. The part of `A v` in the span of the basis lies, up to rounding, along the last `recent`
-    /// columns. `recent` is 0 if this is unknown.
-    pub(super) fn step(&mut self, operator: &mut dyn Operator, recent: usize) -> Result<Step> {
-        let n = self.n();
-        let waiting = &self.basis.columns()[self.known + self.steps()..];
+    /// Takes one step with one product `A v`, with the vectors in the host's memory.
+    pub(super) fn step(&mut self, operator: &mut dyn Operator) -> Result<Step> {
+        let waiting = &self.host.basis.columns()[self.known + self.steps()..];
         let Some(next) = waiting.first() else { return Ok(Step::Exhausted) };
         let error = match self.ready.pop_front() {
             Some((product, error)) => {
-                self.work = product;
+                self.host.work = product;
                 error
             }
             None => {
-                operator.apply(next, &mut self.work)?;
+                operator.apply(next, &mut self.host.work)?;
                 operator.standard_error()
             }
         };
-        let first = self.basis.len().saturating_sub(recent);
-        let (along, length) = self.basis.dots_and_norm(first, &self.work);
+        self.within_host(|process, host| process.extend(host, error))
+    }
+
+    /// Adds the new part of the product `w` of the first waiting vector, with this standard error, to the basis. A product that is not
+    /// finite changes nothing.
+    pub(super) fn extend(&mut self, vectors: &mut dyn Vectors, error: f64) -> Result<Step> {
+        let (n, total) = (vectors.rows(), vectors.columns());
+        // For a symmetric operator, A v_j lies in the span of v_{j−b} … v_{j+b}. The vector v_{j+b} is not in the basis yet.
+        let recent = if self.is_symmetric() { 2 * self.block } else { 0 };
+        let (along, length) = vectors.dots_and_norm(total.saturating_sub(recent))?;
         if !length.is_finite() {
             // The prepared products are discarded, so that the step can be taken again with a new product.
             self.ready.clear();
@@ -69,20 +75,19 @@ impl Factorization {
             )));
         }
 
-        // The following statements cannot fail.
+        // The following statements cannot fail with vectors in the host's memory.
         self.products += 1;
         self.scale = self.scale.max(length);
-        let mut removed = self.orthogonalize_product(&along);
-        if exceeds_rounding(removed.norm, self.scale, n) && self.basis.len() < n {
-            let (error, along) = match self.denoised(error, removed.norm) {
-                Some((direction, along)) => {
-                    self.basis.push_scaled(&direction, 1.0);
-                    // The part that the filter removes counts as noise of the product.
+        let mut removed = self.orthogonalize_product(vectors, &along)?;
+        if exceeds_rounding(removed.norm, self.scale, n) && total < n {
+            let (error, along) = match self.denoised(vectors, error, removed.norm)? {
+                // The part that the filter removes counts as noise of the product.
+                Some(along) => {
                     let noise = (removed.norm.powi(2) - along * along).max(0.0).sqrt();
                     (noise.max(error), along)
                 }
                 None => {
-                    self.basis.push_scaled(&self.work, removed.norm);
+                    vectors.push(removed.norm)?;
                     self.late = removed.late.iter().map(|part| part / removed.norm).collect();
                     (error, removed.norm)
                 }
@@ -94,30 +99,34 @@ impl Factorization {
         }
         self.errors.push(error);
         self.columns.push(removed.coefficients);
-        if self.pending() > 0 {
+        self.pending -= 1;
+        if self.pending > 0 {
             return Ok(Step::Deflated);
         }
         for _ in 0..self.block {
-            self.append_random();
+            self.append_random(vectors)?;
         }
-        Ok(if self.pending() > 0 { Step::Invariant } else { Step::Exhausted })
+        Ok(if self.pending > 0 { Step::Invariant } else { Step::Exhausted })
     }
 
-    /// Filters the remainder of a product. Returns a direction, orthogonal to the basis and of length 1, and the product's part along it.
-    /// Returns `None` if the remainder is used without change.
-    fn denoised(&self, error: f64, rest: f64) -> Option<(Vec<f64>, f64)> {
-        let mut direction = self.filter.as_ref()?.apply(&self.work, (error / rest).min(1.0))?;
-        if direction.len() != self.n() || !direction.iter().all(|value| value.is_finite()) {
-            return None;
+    /// Filters `w`, the remainder of a product. Adds a direction, orthogonal to the basis and of length 1, to the basis, and returns the
+    /// product's part along it. Returns `None`, with the same `w`, if the remainder is used without change.
+    fn denoised(&self, vectors: &mut dyn Vectors, error: f64, rest: f64) -> Result<Option<f64>> {
+        let Some(filter) = &self.filter else { return Ok(None) };
+        let product = vectors.work()?.into_owned();
+        let Some(direction) = filter.apply(&product, (error / rest).min(1.0)) else { return Ok(None) };
+        if direction.len() != product.len() || !direction.iter().all(|value| value.is_finite()) {
+            return Ok(None);
         }
-        let before = norm(&direction);
-        let left = orthogonalize(&self.basis, &mut direction).norm;
-        if !exceeds_rounding(left, before, self.n()) {
-            return None;
+        vectors.load(&direction)?;
+        let left = orthogonalize(vectors)?.norm;
+        if !exceeds_rounding(left, norm(&direction), product.len()) {
+            vectors.load(&product)?;
+            return Ok(None);
         }
-        direction.iter_mut().for_each(|value| *value /= left);
-        let along = dot(&direction, &self.work);
-        Some((direction, along))
+        vectors.push(left)?;
+        let direction = vectors.column(vectors.columns() - 1)?;
+        Ok(Some(dot(&direction, &product)))
     }
 }
 
@@ -135,7 +144,7 @@ struct Rest {
 }
 
 impl Factorization {
-    /// Orthogonalizes the product in `work` against the basis, and reads the basis once. `along` holds the product's inner products with
+    /// Orthogonalizes the product `w` against the basis, and reads the basis once. `along` holds the product's inner products with
     /// the last columns. Up to rounding, these columns contain the product's entire part in the span of the basis. `along` is empty if this
     /// is unknown.
     ///
@@ -155,11 +164,12 @@ impl Factorization {
     /// removed at once, by passes as in [`orthogonalize`], so `v` has norm `1 + O(ε)`. With the `γ` defined there,
     /// `‖V_jᵀv‖ ≤ √j γ + LATE ‖I − V_jᵀV_j‖`, so errors do not accumulate. `m` vectors satisfy `‖I − VᵀV‖_F ≤ √2 m γ`, as if each vector
     /// had been reorthogonalized at once. The tests check this bound on difficult cases.
-    fn orthogonalize_product(&mut self, along: &[f64]) -> Rest {
-        let (total, first) = (self.basis.len(), self.basis.len() - along.len());
+    fn orthogonalize_product(&mut self, vectors: &mut dyn Vectors, along: &[f64]) -> Result<Rest> {
+        let total = vectors.columns();
+        let first = total - along.len();
         let late = std::mem::take(&mut self.late);
         // The multiplied vector has late parts only if no other vector waits.
-        let shown = if self.pending() == 1 { self.product_of(&late) } else { vec![0.0; total] };
+        let shown = if self.pending == 1 { self.product_of(&late) } else { vec![0.0; total] };
         let of_last = along.last().copied().unwrap_or(0.0);
         let late_at = |i: usize| late.get(i).copied().unwrap_or(0.0);
         let mut ahead = vec![0.0; total - 1];
@@ -169,7 +179,7 @@ impl Factorization {
             }
         }
         let settling = Settling { late: &late, along, ahead: &ahead };
-        let (mut rest, mut length) = self.basis.settle_and_dot(&settling, &mut self.work);
+        let (mut rest, mut length) = vectors.settle_and_dot(&settling)?;
         // The coefficients removed so far, with respect to the settled basis, minus the contribution of the late parts to the product.
         let mut coefficients: Vec<f64> = (0..total)
             .map(|i| {
@@ -177,7 +187,6 @@ impl Factorization {
                 near + of_last * late_at(i) - shown[i]
             })
             .collect();
-        rest.iter_mut().zip(&ahead).for_each(|(rest, ahead)| *rest -= ahead);
         let mut enough = false;
         for _ in 0..=PASSES {
             if enough && self.filter.is_some() {
@@ -185,18 +194,19 @@ impl Factorization {
             }
             coefficients.iter_mut().zip(&rest).for_each(|(sum, part)| *sum += part);
             if self.filter.is_none() && norm(&rest) <= LATE * length {
-                return Rest { coefficients, norm: length, late: self.without_known(rest) };
+                let late = self.without_known(vectors, rest)?;
+                return Ok(Rest { coefficients, norm: length, late });
             }
             let before = length;
-            (rest, length) = self.basis.remove_and_dot(&rest, &mut self.work);
+            (rest, length) = vectors.remove_and_dot(&rest)?;
             enough = length > ENOUGH_LEFT * before;
         }
-        Rest { coefficients, norm: length, late: Vec::new() }
+        Ok(Rest { coefficients, norm: length, late: Vec::new() })
     }
 
     /// `V⁺ᵀ A V s`, from the products so far, for parts `s` of the last column along the columns before it.
     fn product_of(&self, late: &[f64]) -> Vec<f64> {
-        let mut product = vec![0.0; self.basis.len()];
+        let mut product = vec![0.0; self.total()];
         for (column, s) in self.columns.iter().zip(late.iter().skip(self.known)) {
             product.iter_mut().zip(column).for_each(|(sum, entry)| *sum += entry * s);
         }
@@ -204,17 +214,17 @@ impl Factorization {
     }
 
     /// Removes the parts along the known vectors at once, because their products are unknown.
-    fn without_known(&mut self, mut rest: Vec<f64>) -> Vec<f64> {
+    fn without_known(&self, vectors: &mut dyn Vectors, mut rest: Vec<f64>) -> Result<Vec<f64>> {
         if self.known > 0 {
-            self.basis.accumulate_first(&rest[..self.known], -1.0, &mut self.work);
+            vectors.remove(&rest[..self.known])?;
             rest[..self.known].fill(0.0);
         }
-        rest
+        Ok(rest)
     }
 
     /// Removes the late parts of the last basis vector now.
     pub(super) fn settle(&mut self) {
-        self.basis.settle_last(&std::mem::take(&mut self.late));
+        self.host.basis.settle_last(&std::mem::take(&mut self.late));
     }
 }
 

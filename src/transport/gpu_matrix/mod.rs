@@ -4,6 +4,7 @@ mod kernel;
 mod layer;
 #[cfg(test)]
 pub(super) mod tests;
+mod vectors;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -13,6 +14,7 @@ use wgpu::BufferUsages;
 use self::kernel::{Kernel, Terms};
 pub(super) use self::kernel::{Limits, cut};
 pub(super) use self::layer::{Band, DeviceLayer};
+pub(super) use self::vectors::DeviceVectors;
 use super::layer::Layer;
 use super::matrix::Product;
 use super::{Part, RigShape, TransportMatrix};
@@ -192,6 +194,40 @@ impl GpuMatrix {
         })?;
         to.copy_from_slice(bytemuck::cast_slice(&photo.wait(gpu)?));
         Ok(())
+    }
+}
+
+/// Products with vectors that stay on the device.
+impl GpuMatrix {
+    /// Room for vectors of a square matrix, or `None` if the device's memory has none. Fails with [`Error::Device`] if the device fails.
+    pub(super) fn vectors(&self, columns: usize) -> Result<Option<DeviceVectors>> {
+        let [rows, cols] = [self.rig.camera.pixels(), self.rig.projector.pixels()];
+        if rows != cols {
+            return Ok(None);
+        }
+        vectors::kernels(&self.gpu)?;
+        match DeviceVectors::new(&self.gpu, rows, columns) {
+            Ok(vectors) => Ok(Some(vectors)),
+            Err(_) => self.gpu.require_working().map(|()| None),
+        }
+    }
+
+    /// `w ← P v` for a column `v`, without waiting for it. Fails as [`GpuMatrix::apply`].
+    pub(super) fn multiply_within(
+        &self,
+        (part, channel): (Part, usize),
+        vectors: &mut DeviceVectors,
+        column: usize,
+    ) -> Result<()> {
+        let mut state = self.state();
+        let steps = self.steps(&mut state, Product { part, channel, direction: Direction::Forward })?;
+        let bytes = 8 * self.rig.camera.pixels() as u64;
+        let record = |encoder: &mut wgpu::CommandEncoder| {
+            vectors.copy_column(column, &self.from, encoder);
+            Step::record(&self.gpu, "products", steps, encoder);
+            encoder.copy_buffer_to_buffer(&self.to.buffer, 0, &vectors.work, 0, bytes);
+        };
+        self.gpu.submit("product", record).map(drop)
     }
 }
 

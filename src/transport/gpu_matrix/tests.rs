@@ -5,6 +5,7 @@ use rand_pcg::Pcg64;
 
 use super::*;
 use crate::image::{Image, Resolution};
+use crate::operator::{Settling, Vectors};
 use crate::render::TraceSummary;
 use crate::transport::{Assembled, Bounces, Channels, CompressedRows};
 
@@ -183,4 +184,136 @@ fn only_a_rig_apart_has_its_transpose_on_the_device() {
         let state = on_device.state.lock().unwrap_or_else(PoisonError::into_inner);
         assert_eq!(state.transposed.is_some(), !matrix.is_symmetric());
     }
+}
+
+/// `Vᵀ w` over the columns from `first`, and `‖w‖`. Numbers are below 1, so a sum of `n` of their products has an error of at most `n² ε/2`
+/// in any order. Two such sums differ by at most `n² ε`.
+fn plain_sums(columns: &[Vec<f64>], first: usize, w: &[f64]) -> (Vec<f64>, f64) {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    (columns[first..].iter().map(|column| dot(column, w)).collect(), dot(w, w).sqrt())
+}
+
+fn assert_near(found: &[f64], expected: &[f64], bound: f64, what: &str) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found - expected).abs() <= bound, "{what}: {found} {expected}, above {bound:e}");
+    }
+}
+
+#[test]
+fn vectors_on_the_device_are_changed_as_on_the_host() -> Result<()> {
+    let gpu = Gpu::for_tests();
+    let random = &mut Pcg64::seed_from_u64(4);
+    // One block and several; chunks of one, two and all columns.
+    for (rows, chunk) in [(37, 1), (2600, 2 * 8 * 2600), (2600, 1 << 20)] {
+        let count = 5;
+        let mut vectors = DeviceVectors::in_chunks(&gpu, rows, count, chunk)?;
+        let mut columns: Vec<Vec<f64>> = Vec::new();
+        let mut w = signed(random, rows);
+        for divisor in [2.0, 3.0, 5.0, 7.0, 11.0] {
+            let column = signed(random, rows);
+            vectors.load(&column)?;
+            vectors.push(divisor)?;
+            columns.push(column.iter().map(|value| value / divisor).collect());
+        }
+        assert!(vectors.push(1.0).is_err(), "there is no room for a sixth column");
+        // Vulkan promises no rounding of divisions in double precision. Any sensible one is within a few ε.
+        assert_near(&vectors.column(3)?, &columns[3], 4.0 * f64::EPSILON, "a column");
+        vectors.load(&w)?;
+        let bound = rows as f64 * rows as f64 * f64::EPSILON;
+        // `n` terms below 1 are removed one after the other.
+        let few = 2.0 * (count as f64 + 1.0) * f64::EPSILON;
+        for first in 0..=count {
+            let (dots, length) = vectors.dots_and_norm(first)?;
+            let (expected, norm) = plain_sums(&columns, first, &w);
+            assert_near(&dots, &expected, bound, "inner products");
+            assert!((length / norm - 1.0).abs() < rows as f64 * f64::EPSILON);
+            assert_eq!(vectors.dots_and_norm(first)?, (dots, length), "the same bits again");
+        }
+        let take = |w: &mut [f64], columns: &[Vec<f64>], h: &[f64]| {
+            for (column, h) in columns.iter().zip(h) {
+                w.iter_mut().zip(column).for_each(|(w, entry)| *w -= h * entry);
+            }
+        };
+        vectors.remove(&[0.5, -0.25])?;
+        take(&mut w, &columns, &[0.5, -0.25]);
+        assert_near(&vectors.work()?, &w, few, "first columns");
+        let h = [0.1, -0.2, 0.3, -0.4, 0.5];
+        let (dots, _) = vectors.remove_and_dot(&h)?;
+        take(&mut w, &columns, &h);
+        assert_near(&vectors.work()?, &w, few, "all columns");
+        assert_near(&dots, &plain_sums(&columns, 0, &w).0, 2.0 * bound, "what is left along them");
+
+        let settling =
+            Settling { late: &[0.1, 0.2, 0.3, 0.4], along: &[0.7, -0.6], ahead: &[0.5, 0.4, 0.3, 0.0] };
+        let (dots, _) = vectors.settle_and_dot(&settling)?;
+        take(&mut w, &columns, &[0.5, 0.4, 0.3, 0.7, -0.6]);
+        let (before, last) = columns.split_at_mut(4);
+        take(&mut last[0], before, settling.late);
+        assert_near(&vectors.column(4)?, &columns[4], few, "the last column");
+        assert_near(&vectors.work()?, &w, few, "w after settling");
+        assert_near(&dots, &plain_sums(&columns, 0, &w).0, 2.0 * bound, "with the new last column");
+        assert_eq!((vectors.rows(), vectors.columns()), (rows, count));
+
+        // Without recent columns, and without late parts, which leave `ahead` out.
+        let ahead = [0.5, 0.4, 0.3, 0.2];
+        for (late, along) in [(&[0.1, 0.2, 0.3, 0.4][..], &[][..]), (&[], &[0.7, -0.6])] {
+            let w = signed(random, rows);
+            vectors.load(&w)?;
+            let before: Vec<Vec<f64>> =
+                (0..count).map(|index| Ok(vectors.column(index)?.into_owned())).collect::<Result<_>>()?;
+            vectors.settle_and_dot(&Settling { late, along, ahead: &ahead })?;
+            let mut expected = w;
+            if !late.is_empty() {
+                take(&mut expected, &before, &ahead);
+            }
+            take(&mut expected, &before[count - along.len()..], along);
+            assert_near(&vectors.work()?, &expected, few, "w without some of the parts");
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn a_column_is_an_exact_copy_if_nothing_divides_it() -> Result<()> {
+    let mut vectors = DeviceVectors::new(&Gpu::for_tests(), 3, 1)?;
+    let column = [f64::MIN_POSITIVE / 8.0, 1.0 / 3.0, -0.0];
+    vectors.load(&column)?;
+    vectors.push(1.0)?;
+    let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+    assert_eq!(bits(&vectors.column(0)?), bits(&column));
+    Ok(())
+}
+
+#[test]
+fn norms_beyond_the_squares_of_floats_are_found_on_the_device() -> Result<()> {
+    let mut vectors = DeviceVectors::new(&Gpu::for_tests(), 2, 1)?;
+    for scale in [1e200, 1e-200] {
+        vectors.load(&[3.0 * scale, 4.0 * scale])?;
+        let (_, length) = vectors.dots_and_norm(0)?;
+        assert!((length / (5.0 * scale) - 1.0).abs() < 5.0 * f64::EPSILON, "{length:e}");
+    }
+    vectors.load(&[f64::NAN, 1.0])?;
+    assert!(vectors.dots_and_norm(0)?.1.is_nan());
+    Ok(())
+}
+
+#[test]
+fn products_within_the_device_are_those_with_the_host() -> Result<()> {
+    let (gpu, assembled) = (Gpu::for_tests(), coaxial());
+    let on_device = GpuMatrix::on(&gpu, &assembled.matrix)?;
+    let x = signed(&mut Pcg64::seed_from_u64(5), 37 * 29);
+    let Some(mut vectors) = on_device.vectors(3)? else { unreachable!("there is room for three vectors") };
+    for _ in 0..2 {
+        vectors.load(&x)?;
+        vectors.push(1.0)?;
+    }
+    for (part, channel) in PARTS.into_iter().zip(0..) {
+        let mut expected = vec![0.0; x.len()];
+        on_device.apply(part, channel, &x, &mut expected)?;
+        on_device.multiply_within((part, channel), &mut vectors, 1)?;
+        assert_eq!(vectors.work()?, expected, "{part:?}: the same bits");
+    }
+    assert!(GpuMatrix::on(&gpu, &apart())?.vectors(3)?.is_none(), "the rig's matrix is not square");
+    Ok(())
 }

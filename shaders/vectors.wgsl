@@ -1,0 +1,128 @@
+// Sums and updates of long vectors in f64. A buffer holds some columns of a basis, one after the other.
+
+// Which columns of the buffer take part.
+struct Part {
+    // The entries of a vector.
+    rows: u32,
+    // The first column, and the number of columns.
+    first: u32,
+    columns: u32,
+    // The place of the first column's coefficient or sum.
+    place: u32,
+    // The number of blocks of ROWS entries.
+    blocks: u32,
+    // 1 if the square of w follows the sums of the columns, else 0.
+    square: u32,
+    padding: vec2u,
+}
+
+const LANES = 32u;
+const ROWS = 1024u;
+const INVOCATIONS = 256u;
+
+@group(0) @binding(0) var<uniform> part: Part;
+@group(0) @binding(1) var<storage, read> columns: array<f64>;
+@group(0) @binding(2) var<storage, read> coefficients: array<f64>;
+@group(0) @binding(3) var<storage, read_write> w: array<f64>;
+@group(0) @binding(4) var<storage, read_write> other: array<f64>;
+
+var<workgroup> held: array<f64, 1024>;
+var<workgroup> sums: array<f64, 256>;
+
+// w ← w − V h, one column after the other.
+@compute @workgroup_size(256)
+fn remove(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) index: u32,
+) {
+    let row = INVOCATIONS * (group.y * groups.x + group.x) + index;
+    if (row < part.rows) {
+        var value = w[row];
+        for (var column = 0u; column < part.columns; column += 1u) {
+            value -= coefficients[part.place + column] * columns[(part.first + column) * part.rows + row];
+        }
+        w[row] = value;
+    }
+}
+
+// other ← w / h.
+@compute @workgroup_size(256)
+fn divide(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) index: u32,
+) {
+    let row = INVOCATIONS * (group.y * groups.x + group.x) + index;
+    if (row < part.rows) {
+        other[row] = w[row] / coefficients[0];
+    }
+}
+
+// The inner products of w with the columns over a block of rows, which a workgroup keeps. 32 lanes share a column.
+@compute @workgroup_size(256)
+fn dots(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) index: u32,
+) {
+    let block = group.y * groups.x + group.x;
+    let start = block * ROWS;
+    let count = select(0u, min(ROWS, part.rows - start), block < part.blocks);
+    for (var row = index; row < count; row += INVOCATIONS) {
+        held[row] = w[start + row];
+    }
+    workgroupBarrier();
+    let lane = index % LANES;
+    let all = part.columns + part.square;
+    for (var first = 0u; first < all; first += INVOCATIONS / LANES) {
+        let column = first + index / LANES;
+        var sum = f64(0.0);
+        if (column < part.columns) {
+            let at = (part.first + column) * part.rows + start;
+            for (var row = lane; row < count; row += LANES) {
+                sum += held[row] * columns[at + row];
+            }
+        } else if (column < all) {
+            for (var row = lane; row < count; row += LANES) {
+                sum += held[row] * held[row];
+            }
+        }
+        sums[index] = sum;
+        for (var others = LANES / 2u; others > 0u; others /= 2u) {
+            workgroupBarrier();
+            if (lane < others) {
+                sums[index] += sums[index + others];
+            }
+        }
+        if (lane == 0u && column < all && block < part.blocks) {
+            other[(part.place + column) * part.blocks + block] = sums[index];
+        }
+        workgroupBarrier();
+    }
+}
+
+// Adds the sums of all blocks, in a fixed order, for one column in each workgroup.
+@compute @workgroup_size(256)
+fn gather(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) index: u32,
+) {
+    let column = group.y * groups.x + group.x;
+    let count = select(0u, part.blocks, column < part.columns);
+    var sum = f64(0.0);
+    for (var block = index; block < count; block += INVOCATIONS) {
+        sum += other[column * part.blocks + block];
+    }
+    sums[index] = sum;
+    for (var others = INVOCATIONS / 2u; others > 0u; others /= 2u) {
+        workgroupBarrier();
+        if (index < others) {
+            sums[index] += sums[index + others];
+        }
+    }
+    if (index == 0u && column < part.columns) {
+        w[column] = sums[0];
+    }
+}

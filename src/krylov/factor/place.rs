@@ -1,0 +1,169 @@
+//! The memory in which the vectors of a factorization are: the host's, or that of the operator while a search goes on.
+
+use std::borrow::Cow;
+use std::collections::VecDeque;
+
+use super::{Factorization, Step};
+use crate::error::{Error, Result};
+use crate::krylov::basis::{Basis, Removed, orthogonalized};
+use crate::operator::{Operator, Settling, Sums, Vectors};
+
+/// Vectors in the host's memory.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Host {
+    pub(super) basis: Basis,
+    pub(super) work: Vec<f64>,
+}
+
+impl Vectors for Host {
+    fn rows(&self) -> usize {
+        self.basis.rows()
+    }
+
+    fn columns(&self) -> usize {
+        self.basis.len()
+    }
+
+    fn column(&self, index: usize) -> Result<Cow<'_, [f64]>> {
+        Ok(Cow::Borrowed(&self.basis.columns()[index]))
+    }
+
+    fn work(&self) -> Result<Cow<'_, [f64]>> {
+        Ok(Cow::Borrowed(&self.work))
+    }
+
+    fn load(&mut self, x: &[f64]) -> Result<()> {
+        self.work.copy_from_slice(x);
+        Ok(())
+    }
+
+    fn push(&mut self, divisor: f64) -> Result<()> {
+        self.basis.push_scaled(&self.work, divisor);
+        Ok(())
+    }
+
+    fn remove(&mut self, h: &[f64]) -> Result<()> {
+        self.basis.accumulate_first(h, -1.0, &mut self.work);
+        Ok(())
+    }
+
+    fn dots_and_norm(&mut self, first: usize) -> Result<Sums> {
+        Ok(self.basis.dots_and_norm(first, &self.work))
+    }
+
+    fn remove_and_dot(&mut self, h: &[f64]) -> Result<Sums> {
+        Ok(self.basis.remove_and_dot(h, &mut self.work))
+    }
+
+    fn settle_and_dot(&mut self, settling: &Settling<'_>) -> Result<Sums> {
+        let (mut dots, length) = self.basis.settle_and_dot(settling, &mut self.work);
+        if !settling.late.is_empty() {
+            dots.iter_mut().zip(settling.ahead).for_each(|(dot, ahead)| *dot -= ahead);
+        }
+        Ok((dots, length))
+    }
+}
+
+/// Removes from `w` its part in the span of the columns, as [`orthogonalize`](crate::krylov::basis::orthogonalize).
+pub(super) fn orthogonalize(vectors: &mut dyn Vectors) -> Result<Removed> {
+    let start = vectors.dots_and_norm(0)?;
+    orthogonalized(start, |h| vectors.remove_and_dot(h))
+}
+
+/// The largest number of columns in the memory of an operator. Longer processes keep their vectors in the host's memory, of which there is
+/// more.
+const MOST: usize = 256;
+
+/// The vectors of a factorization while they are in the memory of an operator.
+pub(in crate::krylov) struct Away {
+    vectors: Box<dyn Vectors>,
+    /// The factorization when its vectors left, without vectors.
+    before: Factorization,
+    /// Whether an error has left the vectors, or the factorization, in the middle of a step.
+    is_broken: bool,
+}
+
+impl Factorization {
+    /// Copies the vectors to the memory of `operator`, if it has one with room for a subspace of `steps` dimensions. Until
+    /// [`Factorization::bring_back`], only [`Factorization::expand_away`] may change the factorization, and the vectors in the host's memory
+    /// are out of date. A filter needs all remainders, so its process stays in the host's memory. Fails as [`Operator::vectors`].
+    pub(in crate::krylov) fn leave(&self, operator: &dyn Operator, steps: usize) -> Result<Option<Away>> {
+        let columns = self.known + steps.max(self.steps()).min(self.n()) + self.block;
+        if self.filter.is_some() || !self.ready.is_empty() || columns > MOST {
+            return Ok(None);
+        }
+        let Some(mut vectors) = operator.vectors(columns)? else { return Ok(None) };
+        for column in self.host.basis.columns() {
+            vectors.load(column)?;
+            vectors.push(1.0)?;
+        }
+        Ok(Some(Away { vectors, before: self.without_vectors(), is_broken: false }))
+    }
+
+    /// Takes one step as [`Factorization::expand`], with the vectors in the memory of the operator.
+    pub(in crate::krylov) fn expand_away(
+        &mut self,
+        away: &mut Away,
+        operator: &mut dyn Operator,
+    ) -> Result<Step> {
+        self.fits(operator)?;
+        if self.pending == 0 {
+            return Ok(Step::Exhausted);
+        }
+        let (products, column) = (self.products, self.known + self.steps());
+        let taken = operator.apply_within(&mut *away.vectors, column);
+        away.is_broken = matches!(taken, Err(Error::Device { .. }));
+        taken?;
+        let step = self.extend(&mut *away.vectors, operator.standard_error());
+        // A product that is not finite is refused before anything changes.
+        let is_refused = matches!(step, Err(Error::Numerical(_))) && self.products == products;
+        away.is_broken = step.is_err() && !is_refused;
+        step
+    }
+
+    /// Copies the vectors back from the memory of an operator. If that memory fails or has failed, the factorization is as it was when its
+    /// vectors left.
+    ///
+    /// # Errors
+    /// The error of that memory, unless an earlier call has returned one.
+    pub(in crate::krylov) fn bring_back(&mut self, away: Away) -> Result<()> {
+        // A step changes the last column, and the columns before it are still here.
+        let kept = away.before.total() - 1;
+        let column = |index| Ok(away.vectors.column(index)?.into_owned());
+        let columns: Result<Vec<Vec<f64>>> = match away.is_broken {
+            true => Ok(Vec::new()),
+            false => (kept..self.total()).map(column).collect(),
+        };
+        match columns {
+            Ok(columns) if !away.is_broken => {
+                self.host.basis.truncate(kept);
+                columns.iter().for_each(|column| self.host.basis.push_scaled(column, 1.0));
+                Ok(())
+            }
+            failed => {
+                *self = Self { host: std::mem::take(&mut self.host), ..away.before };
+                failed.map(drop)
+            }
+        }
+    }
+
+    /// A copy of everything but the vectors, the filter and prepared products.
+    fn without_vectors(&self) -> Self {
+        Self {
+            kind: self.kind,
+            host: Host::default(),
+            known: self.known,
+            pending: self.pending,
+            block: self.block,
+            columns: self.columns.clone(),
+            errors: self.errors.clone(),
+            leak: self.leak,
+            products: self.products,
+            scale: self.scale,
+            draws: self.draws,
+            late: self.late.clone(),
+            ready: VecDeque::new(),
+            filter: None,
+        }
+    }
+}

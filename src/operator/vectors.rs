@@ -1,0 +1,85 @@
+//! The vectors of a Krylov process, in the memory where an operator computes its products.
+
+use std::any::Any;
+use std::borrow::Cow;
+
+use crate::error::{Error, Result};
+
+/// The orthonormal columns `V` of a basis, and a vector `w`; all have `n` entries.
+///
+/// An operator whose products are computed in another memory ([`Operator::vectors`](super::Operator::vectors)) keeps the vectors there.
+/// Only coefficients then move at each step. After an error, the vectors are unspecified.
+pub trait Vectors: Any + Send {
+    /// `n`.
+    fn rows(&self) -> usize;
+
+    /// The number of columns.
+    fn columns(&self) -> usize;
+
+    /// Column `index`.
+    ///
+    /// # Errors
+    /// The error of the memory in which the vectors are.
+    fn column(&self, index: usize) -> Result<Cow<'_, [f64]>>;
+
+    /// `w`. Fails as [`Vectors::column`].
+    fn work(&self) -> Result<Cow<'_, [f64]>>;
+
+    /// `w ← x`. Fails as [`Vectors::column`].
+    fn load(&mut self, x: &[f64]) -> Result<()>;
+
+    /// `V ← [V w/divisor]`. Fails as [`Vectors::column`].
+    fn push(&mut self, divisor: f64) -> Result<()>;
+
+    /// `w ← w − V h` over the first columns, one for each coefficient. Fails as [`Vectors::column`].
+    fn remove(&mut self, h: &[f64]) -> Result<()>;
+
+    /// `Vᵀ w` over the columns from `first`, and `‖w‖`. Fails as [`Vectors::column`].
+    fn dots_and_norm(&mut self, first: usize) -> Result<Sums>;
+
+    /// `w ← w − V h` over all columns; then `Vᵀ w` and `‖w‖`. Fails as [`Vectors::column`].
+    fn remove_and_dot(&mut self, h: &[f64]) -> Result<Sums>;
+
+    /// Removes small parts from the last column, and the known parts from `w`; then `Vᵀ w` with the new last column, and `‖w‖`. Fails as
+    /// [`Vectors::column`].
+    fn settle_and_dot(&mut self, settling: &Settling<'_>) -> Result<Sums>;
+}
+
+/// Inner products `Vᵀ w`, and `‖w‖`.
+pub type Sums = (Vec<f64>, f64);
+
+/// The parts that [`Vectors::settle_and_dot`] removes from a vector `w` and from the last column.
+#[derive(Clone, Copy, Debug)]
+pub struct Settling<'a> {
+    /// The parts of the last column along the columns before it, one for each. Empty if there are none.
+    pub late: &'a [f64],
+    /// The coefficients of `w` on the last columns, as they are before the last column changes.
+    pub along: &'a [f64],
+    /// Small coefficients of `w` on the columns before the last one, one for each; 0 for the columns of `along`. They count only if there
+    /// are late parts.
+    pub ahead: &'a [f64],
+}
+
+/// The error of [`Operator::apply_within`](super::Operator::apply_within) for vectors that another operator made.
+pub(crate) fn made_elsewhere() -> Error {
+    Error::Numerical("the vectors of a product were made by another operator".into())
+}
+
+/// Computes `‖w‖` from the known value of `wᵀw`, without intermediate overflow or underflow.
+pub(crate) fn norm_of_square(square: f64, w: &[f64]) -> f64 {
+    if is_ordinary(square) {
+        return square.sqrt();
+    }
+    let largest = w.iter().fold(0.0_f64, |largest, value| {
+        if value.is_nan() || largest.is_nan() { f64::NAN } else { largest.max(value.abs()) }
+    });
+    if largest == 0.0 || !largest.is_finite() {
+        return largest;
+    }
+    largest * w.iter().map(|value| (value / largest).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Whether no significant square in a sum of squares of this value has overflowed or underflowed.
+pub(crate) fn is_ordinary(square: f64) -> bool {
+    (1e-280..1e300).contains(&square)
+}

@@ -1,0 +1,309 @@
+//! The vectors of a Krylov process in a device's memory.
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+use wgpu::BufferUsages;
+
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::gpu::buffers::Results;
+use crate::gpu::pipeline::{Kernel, READ, Step, WRITE};
+use crate::operator::vectors::{is_ordinary, norm_of_square};
+use crate::operator::{Settling, Sums, Vectors};
+
+/// The bytes of a buffer of columns, unless a single column is larger.
+const CHUNK: u64 = 64 << 20;
+
+/// The entries of a block of sums; `ROWS` of `shaders/vectors.wgsl`.
+const ROWS: usize = 1024;
+
+/// The entries of a workgroup that takes each entry of a vector; `INVOCATIONS` of `shaders/vectors.wgsl`.
+const INVOCATIONS: usize = 256;
+
+/// The uniform of a dispatch, with the layout of `Part` in `shaders/vectors.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
+struct Part {
+    rows: u32,
+    first: u32,
+    columns: u32,
+    place: u32,
+    blocks: u32,
+    square: u32,
+    padding: [u32; 2],
+}
+
+/// Columns `V` and a vector `w` in `f64`. Sums have a fixed order, which is not the order of the host. Results therefore repeat to the bit,
+/// and differ from those of the host only by rounding.
+pub(in crate::transport) struct DeviceVectors {
+    gpu: Gpu,
+    rows: usize,
+    columns: usize,
+    /// The largest number of columns.
+    room: usize,
+    /// The number of columns in each chunk.
+    together: usize,
+    chunks: Vec<Chunk>,
+    pub(super) work: wgpu::Buffer,
+    /// One vector, which is about to become a column, or was one.
+    single: wgpu::Buffer,
+    coefficients: Coefficients,
+    sums: Results,
+    divide: Step,
+    gather: Step,
+}
+
+/// Some columns, and the dispatches that read them.
+struct Chunk {
+    columns: wgpu::Buffer,
+    remove_from_work: Step,
+    remove_from_single: Step,
+    dots: Step,
+}
+
+/// The kernels of `shaders/vectors.wgsl`.
+pub(super) fn kernels(gpu: &Gpu) -> Result<[Kernel; 4]> {
+    gpu.kept("vectors", || {
+        let buffers = [READ, READ, WRITE, WRITE];
+        Kernel::all(gpu, "vectors", ["remove", "divide", "dots", "gather"], &[], &buffers, |source| {
+            gpu.module("vectors", source)
+        })
+    })
+}
+
+/// The coefficients of the columns in `w`, in the last column, and its divisor.
+struct Coefficients {
+    of_work: wgpu::Buffer,
+    of_single: wgpu::Buffer,
+    divisor: wgpu::Buffer,
+}
+
+impl DeviceVectors {
+    /// Makes room for `columns` columns of `rows` entries. Fails with [`Error::Device`] if the device has too little memory.
+    pub(super) fn new(gpu: &Gpu, rows: usize, columns: usize) -> Result<Self> {
+        Self::in_chunks(gpu, rows, columns, CHUNK)
+    }
+
+    /// Works like [`DeviceVectors::new`], with buffers of at most this many bytes, and of at least one column.
+    pub(super) fn in_chunks(gpu: &Gpu, rows: usize, columns: usize, chunk: u64) -> Result<Self> {
+        let [remove, divide, dots, gather] = kernels(gpu)?;
+        let bytes = 8 * rows as u64;
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let buffer = |label: &str, bytes: u64| gpu.buffer(label, bytes, usage);
+        let [work, single] = [buffer("vector", bytes)?, buffer("vector", bytes)?];
+        let scalars = 8 * (columns as u64 + 1);
+        let coefficients = Coefficients {
+            of_work: buffer("coefficients", scalars)?,
+            of_single: buffer("coefficients", scalars)?,
+            divisor: buffer("divisor", 8)?,
+        };
+        let partial = buffer("sums of blocks", scalars * rows.div_ceil(ROWS) as u64)?;
+        let sums = Results::new(gpu, "sums", scalars)?;
+        let step =
+            |kernel: &Kernel, buffers: [&wgpu::Buffer; 4]| kernel.step(gpu, &Part::default(), &buffers, 0);
+        let together = (chunk / bytes.max(1)).clamp(1, columns.max(1) as u64) as usize;
+        let chunk = |_| {
+            let columns = buffer("columns", bytes * together as u64)?;
+            let Coefficients { of_work, of_single, .. } = &coefficients;
+            Ok(Chunk {
+                remove_from_work: step(&remove, [&columns, of_work, &work, &partial])?,
+                remove_from_single: step(&remove, [&columns, of_single, &single, &partial])?,
+                dots: step(&dots, [&columns, of_work, &work, &partial])?,
+                columns,
+            })
+        };
+        let chunks: Vec<Chunk> = (0..columns.max(1).div_ceil(together)).map(chunk).collect::<Result<_>>()?;
+        let first = &chunks[0].columns;
+        let mut divided = step(&divide, [first, &coefficients.divisor, &work, &single])?;
+        let part = Part { rows: rows as u32, ..Part::default() };
+        divided.change(gpu, &part, rows.div_ceil(INVOCATIONS) as u32)?;
+        let gather = step(&gather, [first, &coefficients.of_work, &sums.buffer, &partial])?;
+        let gpu = gpu.clone();
+        Ok(Self {
+            gpu,
+            rows,
+            columns: 0,
+            room: columns,
+            together,
+            chunks,
+            work,
+            single,
+            coefficients,
+            sums,
+            divide: divided,
+            gather,
+        })
+    }
+
+    /// Records a copy of a column to the beginning of a buffer.
+    pub(super) fn copy_column(&self, index: usize, to: &wgpu::Buffer, encoder: &mut wgpu::CommandEncoder) {
+        let (chunk, place) = self.place(index);
+        encoder.copy_buffer_to_buffer(chunk, place, to, 0, self.bytes());
+    }
+
+    fn bytes(&self) -> u64 {
+        8 * self.rows as u64
+    }
+
+    /// The buffer of a column, and its place in bytes.
+    fn place(&self, index: usize) -> (&wgpu::Buffer, u64) {
+        let place = (index % self.together) as u64 * self.bytes();
+        (&self.chunks[index / self.together].columns, place)
+    }
+
+    /// The parts of the chunks from the first of these columns to the last. The first column's coefficient or sum is at `place`.
+    fn parts(&self, columns: Range<usize>, place: usize) -> Vec<(usize, Part)> {
+        let (together, blocks) = (self.together, self.rows.div_ceil(ROWS) as u32);
+        let part = |chunk: usize| {
+            let start = columns.start.max(chunk * together);
+            let end = columns.end.min((chunk + 1) * together);
+            let part = Part {
+                rows: self.rows as u32,
+                first: (start - chunk * together) as u32,
+                columns: (end - start) as u32,
+                place: (place + start - columns.start) as u32,
+                blocks,
+                ..Part::default()
+            };
+            (chunk, part)
+        };
+        let chunks = columns.start / together..columns.end.div_ceil(together);
+        if columns.is_empty() { Vec::new() } else { chunks.map(part).collect() }
+    }
+
+    /// `w ← w − V h`, over the columns from the given one, then `u ← u − V s` for the last column `u` and the columns before it. Then
+    /// `Vᵀ w` over the columns from `dots`, and `‖w‖`; without `dots` nothing is read back.
+    fn sweep(&mut self, (first, h): (usize, &[f64]), s: &[f64], dots: Option<usize>) -> Result<Sums> {
+        let gpu = self.gpu.clone();
+        let count = self.columns.saturating_sub(dots.unwrap_or(self.columns));
+        let of_work = self.parts(first..first + h.len(), first);
+        let of_single = self.parts(0..s.len(), 0);
+        let mut of_dots = self.parts(self.columns - count..self.columns, 0);
+        if of_dots.is_empty() {
+            of_dots = vec![(0, self.parts(0..1, 0)[0].1)];
+            of_dots[0].1.columns = 0;
+        }
+        if let Some((_, part)) = of_dots.last_mut() {
+            part.square = 1;
+        }
+        let entries = self.rows.div_ceil(INVOCATIONS) as u32;
+        for &(chunk, part) in &of_work {
+            self.chunks[chunk].remove_from_work.change(&gpu, &part, entries)?;
+        }
+        for &(chunk, part) in &of_single {
+            self.chunks[chunk].remove_from_single.change(&gpu, &part, entries)?;
+        }
+        for &(chunk, part) in &of_dots {
+            self.chunks[chunk].dots.change(&gpu, &part, part.blocks)?;
+        }
+        let all = Part { columns: count as u32 + 1, ..of_dots[0].1 };
+        self.gather.change(&gpu, &all, all.columns)?;
+        let chunks = &self.chunks;
+        let record = |encoder: &mut wgpu::CommandEncoder| {
+            gpu.queue.write_buffer(&self.coefficients.of_work, 8 * first as u64, bytemuck::cast_slice(h));
+            gpu.queue.write_buffer(&self.coefficients.of_single, 0, bytemuck::cast_slice(s));
+            let steps = of_work.iter().map(|&(chunk, _)| &chunks[chunk].remove_from_work);
+            Step::record(&gpu, "orthogonalization", steps, encoder);
+            if !s.is_empty() {
+                let (last, place) = self.place(self.columns - 1);
+                self.copy_column(self.columns - 1, &self.single, encoder);
+                let steps = of_single.iter().map(|&(chunk, _)| &chunks[chunk].remove_from_single);
+                Step::record(&gpu, "orthogonalization", steps, encoder);
+                encoder.copy_buffer_to_buffer(&self.single, 0, last, place, self.bytes());
+            }
+            if dots.is_some() {
+                let steps = of_dots.iter().map(|&(chunk, _)| &chunks[chunk].dots);
+                Step::record(&gpu, "inner products", steps.chain([&self.gather]), encoder);
+            }
+        };
+        if dots.is_none() {
+            gpu.submit("orthogonalization", record)?;
+            return Ok((Vec::new(), 0.0));
+        }
+        let found = self.sums.launch(&gpu, "inner products", 8 * (count as u64 + 1), record)?;
+        let mut sums: Vec<f64> = bytemuck::pod_collect_to_vec(&found.wait(&gpu)?[..]);
+        let square = sums.pop().unwrap_or_default();
+        let length = if is_ordinary(square) { square.sqrt() } else { norm_of_square(square, &self.work()?) };
+        Ok((sums, length))
+    }
+}
+
+impl Vectors for DeviceVectors {
+    fn rows(&self) -> usize {
+        self.rows
+    }
+
+    fn columns(&self) -> usize {
+        self.columns
+    }
+
+    fn column(&self, index: usize) -> Result<Cow<'_, [f64]>> {
+        self.gpu.submit("column", |encoder| self.copy_column(index, &self.single, encoder))?;
+        Ok(Cow::Owned(self.gpu.read(&self.single, self.rows)?))
+    }
+
+    fn work(&self) -> Result<Cow<'_, [f64]>> {
+        Ok(Cow::Owned(self.gpu.read(&self.work, self.rows)?))
+    }
+
+    fn load(&mut self, x: &[f64]) -> Result<()> {
+        self.gpu.fill("vector", &self.work, 0, bytemuck::cast_slice(x))
+    }
+
+    fn push(&mut self, divisor: f64) -> Result<()> {
+        if self.columns == self.room {
+            return Err(Error::device(format!(
+                "the basis has no room for more than {} vectors",
+                self.columns
+            )));
+        }
+        let (column, place) = self.place(self.columns);
+        self.gpu.submit("column", |encoder| {
+            // A division by 1 would give the same bits, but Vulkan does not promise it.
+            let from = if divisor == 1.0 { &self.work } else { &self.single };
+            if divisor != 1.0 {
+                self.gpu.queue.write_buffer(&self.coefficients.divisor, 0, &divisor.to_ne_bytes());
+                Step::record(&self.gpu, "column", [&self.divide], encoder);
+            }
+            encoder.copy_buffer_to_buffer(from, 0, column, place, self.bytes());
+        })?;
+        self.columns += 1;
+        Ok(())
+    }
+
+    fn remove(&mut self, h: &[f64]) -> Result<()> {
+        self.sweep((0, h), &[], None).map(drop)
+    }
+
+    fn dots_and_norm(&mut self, first: usize) -> Result<Sums> {
+        self.sweep((0, &[]), &[], Some(first))
+    }
+
+    fn remove_and_dot(&mut self, h: &[f64]) -> Result<Sums> {
+        self.sweep((0, h), &[], Some(0))
+    }
+
+    fn settle_and_dot(&mut self, settling: &Settling<'_>) -> Result<Sums> {
+        let Settling { late, along, ahead } = settling;
+        let first = self.columns - along.len();
+        if late.is_empty() {
+            return self.sweep((first, along), &[], Some(0));
+        }
+        let known: Vec<f64> = ahead.iter().take(first).chain(*along).copied().collect();
+        self.sweep((0, &known), late, Some(0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::layout::{assert_constant, assert_layout};
+
+    #[test]
+    fn parts_lie_as_the_shader_reads_them() {
+        assert_layout!("vectors", "Part", Part: rows, first, columns, place, blocks, square, padding);
+        assert_constant("vectors", "ROWS", ROWS as u32);
+        assert_constant("vectors", "INVOCATIONS", INVOCATIONS as u32);
+    }
+}

@@ -1,0 +1,391 @@
+//! Krylov processes whose vectors are in the device's memory, compared with the same processes on the host.
+
+use std::any::Any;
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use crate::common::{load, settings, trace, tracer};
+use krylux::krylov::{
+    Eigs, EigsMethod, EigsOptions, Factorization, PairStatus, Start, Status, dot, eigs, eigs_from,
+};
+use krylux::lab::{Lab, Settings};
+use krylux::observer::{Observer, OnStep, PhotoTaken, Step};
+use krylux::operator::{Closure, Observed, Operator, Settling, Sums, Symmetry, Vectors};
+use krylux::render::Tracer;
+use krylux::transport::{Assembled, Backend, Channels, MatrixOperator, Part};
+use krylux::{Error, Result};
+
+fn scene(name: &str, size: usize) -> (Tracer, Assembled) {
+    let mut tracer = tracer(&load(name));
+    let assembled = trace(&mut tracer, settings(size, 24, 6, 7), Channels::Luma);
+    (tracer, assembled)
+}
+
+fn asked(method: EigsMethod, products: usize) -> EigsOptions {
+    EigsOptions { count: 4, products, tolerance: 1e-9, method, ..EigsOptions::default() }
+}
+
+fn found(assembled: &Assembled, part: Part, options: &EigsOptions) -> Eigs {
+    eigs(&mut assembled.operator(part, 0), options).expect("the process finds pairs")
+}
+
+/// As [`found`], with all products within the device.
+fn found_within(assembled: &Assembled, part: Part, options: &EigsOptions) -> Eigs {
+    let mut operator = Watched::new(assembled.operator(part, 0));
+    let found = eigs(&mut operator, options).expect("the process finds pairs");
+    assert_eq!(
+        (operator.within, operator.with_host),
+        (found.stats.products, 0),
+        "the vectors stay on the device"
+    );
+    found
+}
+
+/// Every number of an answer that the process computes.
+fn bits(found: &Eigs) -> Vec<u64> {
+    let numbers = [&found.values, &found.residuals, &found.bounds].into_iter().chain(&found.vectors);
+    let history = found.history.iter().flat_map(|row| [&row.values, &row.residuals]);
+    numbers.chain(history).flatten().map(|value| value.to_bits()).collect()
+}
+
+/// The converged pairs of two runs are those of one matrix: each value is within its bound of an eigenvalue.
+fn assert_same(host: &Eigs, device: &Eigs, what: &str) {
+    assert_eq!(
+        (host.stats.status, host.statuses.len()),
+        (device.stats.status, device.statuses.len()),
+        "{what}"
+    );
+    let mut compared = 0;
+    for pair in 0..host.values.len() {
+        if [host, device].iter().any(|found| found.statuses[pair] != PairStatus::Converged) {
+            continue;
+        }
+        let apart = (host.values[pair] - device.values[pair]).abs();
+        let rounding = 100.0 * f64::EPSILON * host.values[0].abs();
+        let bound = host.bounds[pair] + device.bounds[pair] + rounding;
+        assert!(apart <= bound, "{what}, pair {pair}: {apart:e} apart, above {bound:e}");
+        compared += 1;
+    }
+    assert!(compared > 0, "{what}: no pair converged");
+    // A residual of 1e-6 of the norm, and a gap of at least a hundredth of it: the angle is below 1e-4, and there are two of them.
+    let cosine = dot(&host.vectors[0], &device.vectors[0]);
+    assert!((cosine - 1.0).abs() < 2e-8, "{what}: {cosine}");
+}
+
+#[test]
+fn every_process_finds_on_the_device_what_it_finds_on_the_host() {
+    for (name, size) in [("corner", 16), ("cornell", 32), ("zigzag", 48)] {
+        let part = Part::Global;
+        let (tracer, mut assembled) = scene(name, size);
+        let cases = [
+            asked(EigsMethod::Lanczos, 60),
+            asked(EigsMethod::Arnoldi, 60),
+            EigsOptions { tolerance: 1e-6, ..asked(EigsMethod::BlockLanczos { block: 2 }, 120) },
+            EigsOptions { tolerance: 1e-6, max_basis: Some(30), ..asked(EigsMethod::Lanczos, 120) },
+        ];
+        let on_host: Vec<Eigs> = cases.iter().map(|options| found(&assembled, part, options)).collect();
+        // A known pair that is projected out, and the first one of the others.
+        let deflate = vec![on_host[0].vectors[0].clone()];
+        let others = EigsOptions { deflate, ..asked(EigsMethod::Lanczos, 60) };
+        let others_on_host = found(&assembled, part, &others);
+
+        assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+        let room = assembled.operator(part, 0).vectors(8).expect("the device works");
+        assert!(room.is_some_and(|vectors| vectors.rows() == size * size), "vectors are on the device");
+        for (options, host) in cases.iter().zip(&on_host) {
+            let what = format!("{name}, {:?}", options.method);
+            let device = found_within(&assembled, part, options);
+            assert_same(host, &device, &what);
+            assert_eq!(bits(&device), bits(&found(&assembled, part, options)), "{what}: the same bits again");
+        }
+        assert_same(&others_on_host, &found_within(&assembled, part, &others), "without a known pair");
+    }
+}
+
+#[test]
+fn a_stopped_process_goes_on_with_the_same_bits() {
+    let (tracer, mut assembled) = scene("cornell", 24);
+    assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+    let options = EigsOptions { tolerance: 0.0, ..asked(EigsMethod::Lanczos, 30) };
+    let start = Start::default().vector(24 * 24);
+    let mut whole = Factorization::lanczos(&start, &[]).expect("a start vector");
+    let at_once =
+        eigs_from(&mut whole, &mut assembled.operator(Part::Full, 0), &options).expect("30 products");
+
+    let mut stopped = Factorization::lanczos(&start, &[]).expect("a start vector");
+    let observer =
+        OnStep::new(
+            |step: &Step<'_>| {
+                if step.done < 11 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            },
+        );
+    let mut operator = assembled.operator(Part::Full, 0);
+    let first =
+        eigs_from(&mut stopped, &mut Observed::new(&mut operator, &observer), &options).expect("11 products");
+    assert_eq!((first.stats.status, first.stats.products), (Status::Stopped, 11));
+    let mut saved = Vec::new();
+    stopped.save(&mut saved).expect("memory can be written");
+    let mut resumed =
+        Factorization::load(krylux::krylov::ProcessKind::Lanczos, &saved[..]).expect("undamaged");
+    let last = eigs_from(&mut resumed, &mut operator, &options).expect("30 products");
+    assert_eq!((&last.values, &last.vectors), (&at_once.values, &at_once.vectors));
+    assert_eq!(resumed.basis(), whole.basis());
+}
+
+#[test]
+fn a_whole_space_is_spanned_on_the_device() {
+    let (tracer, mut assembled) = scene("corner", 4);
+    assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+    for method in [EigsMethod::Lanczos, EigsMethod::BlockLanczos { block: 2 }] {
+        let options = EigsOptions { count: 16, tolerance: 0.0, ..asked(method, 30) };
+        let device = found_within(&assembled, Part::Full, &options);
+        assert_eq!(device.stats.status, Status::SpaceExhausted);
+        assert!(device.vectors.len() == 16 && device.residuals.iter().all(|residual| *residual < 1e-13));
+    }
+}
+
+/// A matrix that counts its products, and whose vectors fail when their calls are used up.
+struct Watched<'a> {
+    inner: MatrixOperator<'a>,
+    within: usize,
+    with_host: usize,
+    calls: Arc<AtomicUsize>,
+}
+
+impl<'a> Watched<'a> {
+    fn new(inner: MatrixOperator<'a>) -> Self {
+        Self { inner, within: 0, with_host: 0, calls: Arc::new(AtomicUsize::new(usize::MAX)) }
+    }
+}
+
+impl Operator for Watched<'_> {
+    fn rows(&self) -> usize {
+        self.inner.rows()
+    }
+
+    fn cols(&self) -> usize {
+        self.inner.cols()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        self.inner.symmetry()
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.with_host += 1;
+        self.inner.apply(x, y)
+    }
+
+    fn vectors(&self, columns: usize) -> Result<Option<Box<dyn Vectors>>> {
+        let inner = self.inner.vectors(columns)?;
+        Ok(inner.map(|inner| Box::new(Limited { inner, calls: self.calls.clone() }) as Box<dyn Vectors>))
+    }
+
+    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
+        self.within += 1;
+        let limited =
+            (vectors as &mut dyn Any).downcast_mut::<Limited>().expect("the vectors that were made");
+        limited.call()?;
+        self.inner.apply_within(&mut *limited.inner, column)
+    }
+}
+
+struct Limited {
+    inner: Box<dyn Vectors>,
+    calls: Arc<AtomicUsize>,
+}
+
+impl Limited {
+    fn call(&self) -> Result<()> {
+        let left = self.calls.load(Ordering::Relaxed);
+        self.calls.store(left.saturating_sub(1), Ordering::Relaxed);
+        if left == 0 { Err(Error::device("the device was lost")) } else { Ok(()) }
+    }
+}
+
+impl Vectors for Limited {
+    fn rows(&self) -> usize {
+        self.inner.rows()
+    }
+
+    fn columns(&self) -> usize {
+        self.inner.columns()
+    }
+
+    fn column(&self, index: usize) -> Result<Cow<'_, [f64]>> {
+        self.call()?;
+        self.inner.column(index)
+    }
+
+    fn work(&self) -> Result<Cow<'_, [f64]>> {
+        self.call()?;
+        self.inner.work()
+    }
+
+    fn load(&mut self, x: &[f64]) -> Result<()> {
+        self.call()?;
+        self.inner.load(x)
+    }
+
+    fn push(&mut self, divisor: f64) -> Result<()> {
+        self.call()?;
+        self.inner.push(divisor)
+    }
+
+    fn remove(&mut self, h: &[f64]) -> Result<()> {
+        self.call()?;
+        self.inner.remove(h)
+    }
+
+    fn dots_and_norm(&mut self, first: usize) -> Result<Sums> {
+        self.call()?;
+        self.inner.dots_and_norm(first)
+    }
+
+    fn remove_and_dot(&mut self, h: &[f64]) -> Result<Sums> {
+        self.call()?;
+        self.inner.remove_and_dot(h)
+    }
+
+    fn settle_and_dot(&mut self, settling: &Settling<'_>) -> Result<Sums> {
+        self.call()?;
+        self.inner.settle_and_dot(settling)
+    }
+}
+
+fn saved(process: &Factorization) -> Vec<u8> {
+    let mut saved = Vec::new();
+    process.save(&mut saved).expect("memory can be written");
+    saved
+}
+
+#[test]
+fn a_device_that_fails_at_any_call_leaves_the_last_state_that_is_whole() {
+    let (tracer, mut assembled) = scene("corner", 8);
+    assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+    let mut operator = assembled.operator(Part::Full, 0);
+    let options = EigsOptions { tolerance: 0.0, ..asked(EigsMethod::Lanczos, 5) };
+    let mut process = Factorization::lanczos(&Start::default().vector(64), &[]).expect("a start vector");
+    eigs_from(&mut process, &mut operator, &options).expect("5 products");
+    let before = saved(&process);
+    let options = EigsOptions { products: 12, ..options };
+    let mut whole = process.clone();
+    eigs_from(&mut whole, &mut operator, &options).expect("12 products");
+    let mut failures = 0;
+    for calls in 0.. {
+        let mut watched = Watched::new(assembled.operator(Part::Full, 0));
+        watched.calls.store(calls, Ordering::Relaxed);
+        let mut failing = process.clone();
+        match eigs_from(&mut failing, &mut watched, &options) {
+            Ok(_) => {
+                assert!(saved(&failing) == saved(&whole), "enough calls give the whole process");
+                break;
+            }
+            Err(error) => assert!(error.to_string().contains("the device was lost"), "{error}"),
+        }
+        assert!(saved(&failing) == before, "failure of call {calls}");
+        failures += 1;
+    }
+    // Seven steps of at least four calls, and the copies there and back.
+    assert!(failures > 28 + 12, "{failures}");
+    eigs_from(&mut process, &mut operator, &options).expect("the device works again");
+    assert!(saved(&process) == saved(&whole));
+}
+
+/// An observer that ends a run at a photo, or never.
+struct Until(usize, AtomicUsize);
+
+impl Observer for Until {
+    fn photo(&self, _: &PhotoTaken<'_>) -> ControlFlow<()> {
+        let seen = self.1.fetch_add(1, Ordering::Relaxed) + 1;
+        if seen == self.0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+#[test]
+fn a_laboratory_shows_and_counts_the_photos_within_the_device() {
+    let open = |backend: Backend, until: usize| {
+        let seen = Arc::new(Until(until, AtomicUsize::new(0)));
+        let mut settings = Settings::default();
+        settings.operator.backend = backend;
+        let builder =
+            Lab::builder("assets/scenes/corner/scene.glb").settings(settings).size(16, 16).samples(24);
+        (builder.observer(seen.clone()).open().expect("the scene is there"), seen)
+    };
+    let options = asked(EigsMethod::Lanczos, 40);
+    let [(on_host, _), (on_device, seen)] = [Backend::Cpu, Backend::Gpu].map(|backend| {
+        let (mut lab, seen) = open(backend, usize::MAX);
+        let mut operator = lab.operator(Part::Global).expect("the scene is traced");
+        assert_eq!(operator.vectors(2).expect("the device works").is_some(), backend == Backend::Gpu);
+        let found = eigs(&mut operator, &options).expect("the process finds pairs");
+        assert_eq!(operator.photos(), found.stats.products);
+        (found, seen)
+    });
+    assert_same(&on_host, &on_device, "a laboratory");
+    assert_eq!(seen.1.load(Ordering::Relaxed), on_device.stats.products);
+    let (mut lab, _) = open(Backend::Gpu, 3);
+    let mut operator = lab.operator(Part::Global).expect("the scene is traced");
+    let stopped = eigs(&mut operator, &options).expect_err("the third photo ends the run");
+    assert!(matches!(stopped, Error::Interrupted) && operator.photos() == 3, "{stopped}");
+}
+
+/// `2^200 A`, which methods divide by a power of two.
+struct Huge<'a>(MatrixOperator<'a>);
+
+impl Operator for Huge<'_> {
+    fn rows(&self) -> usize {
+        self.0.rows()
+    }
+
+    fn cols(&self) -> usize {
+        self.0.cols()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        self.0.symmetry()
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.0.apply(x, y)?;
+        y.iter_mut().for_each(|y| *y *= 2.0_f64.powi(200));
+        Ok(())
+    }
+
+    fn vectors(&self, columns: usize) -> Result<Option<Box<dyn Vectors>>> {
+        self.0.vectors(columns)
+    }
+
+    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
+        self.0.apply_within(vectors, column)?;
+        let scaled: Vec<f64> = vectors.work()?.iter().map(|w| w * 2.0_f64.powi(200)).collect();
+        vectors.load(&scaled)
+    }
+}
+
+#[test]
+fn products_beyond_ordinary_size_are_taken_with_the_host() {
+    let (tracer, mut assembled) = scene("corner", 16);
+    let options = asked(EigsMethod::Lanczos, 40);
+    let ordinary = found(&assembled, Part::Global, &options);
+    assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+    let huge =
+        eigs(&mut Huge(assembled.operator(Part::Global, 0)), &options).expect("the process finds pairs");
+    for (huge, ordinary) in huge.values.iter().zip(&ordinary.values) {
+        assert!((huge / 2.0_f64.powi(200) / ordinary - 1.0).abs() < 1e-9, "{huge:e} {ordinary:e}");
+    }
+}
+
+#[test]
+fn vectors_of_another_operator_are_refused() {
+    let (tracer, mut assembled) = scene("corner", 8);
+    assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+    let mut vectors = assembled.operator(Part::Full, 0).vectors(2).expect("the device works").expect("room");
+    let mut closure = Closure::new(64, 64, Symmetry::Symmetric, |x: &[f64], y: &mut [f64]| {
+        y.copy_from_slice(x);
+        Ok(())
+    });
+    let error = closure.apply_within(&mut *vectors, 0).expect_err("a function has no vectors").to_string();
+    assert!(error.contains("another operator"), "{error}");
+}
