@@ -135,11 +135,13 @@ impl Lab {
 
     /// Records the costs of a rig, unless they are already recorded. All photos of a complete run are on disk first.
     fn record_costs(&self, run: &mut RunFolder, is_complete: bool) -> Result<()> {
-        if let (Some(transport), true) = (&self.transport, is_complete) {
-            lock(transport).flush()?;
+        let Some(transport) = &self.transport else { return Ok(()) };
+        let mut transport = lock(transport);
+        if is_complete {
+            transport.flush()?;
         }
-        if let (Some(transport), None) = (&self.transport, &run.manifest.rig) {
-            run.manifest.rig = lock(transport).record(is_complete)?;
+        if run.manifest.rig.is_none() {
+            run.manifest.rig = transport.record(is_complete)?;
         }
         Ok(())
     }

@@ -9,7 +9,7 @@ use power::power;
 
 use super::completeness::{Completeness, Confirm, FurtherSteps, Recorder, Stats, Status, confirming};
 use super::factor;
-use super::factor::{Away, Factorization, PairStatus, RitzPair, Which};
+use super::factor::{Factorization, PairStatus, Resident, RitzPair, Which};
 use super::powers::{Rescaled, multiply_eigs, scaled};
 use super::start::Start;
 use crate::error::{Error, Result};
@@ -241,9 +241,9 @@ pub fn eigs_from(
     let left = options.products.saturating_sub(factorization.products());
     let steps = (factorization.steps() + left).min(most);
     factorization.reserve(steps);
-    let mut away = factorization.leave(operator, steps)?;
-    let searched = search(factorization, &mut away, operator, options);
-    let back = away.map_or(Ok(()), |away| factorization.bring_back(away));
+    let mut resident = factorization.upload(operator, steps)?;
+    let searched = search(factorization, &mut resident, operator, options);
+    let back = resident.map_or(Ok(()), |resident| factorization.download(resident));
     let (pairs, status, history) = searched?;
     back?;
     let stats = Stats { products: factorization.products(), status };
@@ -258,11 +258,11 @@ pub fn eigs_from(
     Ok(found.eigs(options, factorization.asymmetry(), history, stats))
 }
 
-/// The search of [`eigs_from`], with the vectors in the memory of the operator if they are `away`. Returns the pairs, the reason for the
+/// The search of [`eigs_from`], with the vectors in the memory of the operator if they are `resident`. Returns the pairs, the reason for the
 /// end, and the history.
 fn search(
     factorization: &mut Factorization,
-    away: &mut Option<Away>,
+    resident: &mut Option<Resident>,
     operator: &mut dyn Operator,
     options: &EigsOptions,
 ) -> Result<(Vec<RitzPair>, Status, Vec<HistoryRow>)> {
@@ -286,14 +286,15 @@ fn search(
             // The restart also keeps half of the unwanted pairs, so that the next cycle converges faster.
             let steps = factorization.steps();
             let keep = options.count + steps.saturating_sub(options.count) / 2;
-            let was_away = away.take().map(|away| factorization.bring_back(away)).transpose()?.is_some();
+            let was_resident =
+                resident.take().map(|resident| factorization.download(resident)).transpose()?.is_some();
             factorization.shrink(options.which, keep.min(most - 2 * waiting))?;
-            if was_away {
-                *away = factorization.leave(operator, most)?;
+            if was_resident {
+                *resident = factorization.upload(operator, most)?;
             }
         }
-        let step = match away {
-            Some(away) => factorization.expand_away(away, operator)?,
+        let step = match resident {
+            Some(resident) => factorization.expand_resident(resident, operator)?,
             None => {
                 if !is_near(&pairs, options, factorization.scale()) {
                     factorization.multiply_block(operator, options.products - factorization.products())?;

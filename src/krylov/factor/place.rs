@@ -75,9 +75,9 @@ pub(super) fn orthogonalize(vectors: &mut dyn Vectors) -> Result<Removed> {
 const MOST: usize = 256;
 
 /// The vectors of a factorization while they are in the memory of an operator.
-pub(in crate::krylov) struct Away {
+pub(in crate::krylov) struct Resident {
     vectors: Box<dyn Vectors>,
-    /// The factorization when its vectors left, without vectors.
+    /// The factorization when its vectors were uploaded, without vectors.
     before: Factorization,
     /// Whether an error has left the vectors, or the factorization, in the middle of a step.
     is_broken: bool,
@@ -85,9 +85,13 @@ pub(in crate::krylov) struct Away {
 
 impl Factorization {
     /// Copies the vectors to the memory of `operator`, if it has one with room for a subspace of `steps` dimensions. Until
-    /// [`Factorization::bring_back`], only [`Factorization::expand_away`] may change the factorization, and the vectors in the host's memory
+    /// [`Factorization::download`], only [`Factorization::expand_resident`] may change the factorization, and the vectors in the host's memory
     /// are out of date. A filter needs all remainders, so its process stays in the host's memory. Fails as [`Operator::vectors`].
-    pub(in crate::krylov) fn leave(&self, operator: &dyn Operator, steps: usize) -> Result<Option<Away>> {
+    pub(in crate::krylov) fn upload(
+        &self,
+        operator: &dyn Operator,
+        steps: usize,
+    ) -> Result<Option<Resident>> {
         let columns = self.known + steps.max(self.steps()).min(self.n()) + self.block;
         if self.filter.is_some() || !self.ready.is_empty() || columns > MOST {
             return Ok(None);
@@ -97,13 +101,13 @@ impl Factorization {
             vectors.load(column)?;
             vectors.push(1.0)?;
         }
-        Ok(Some(Away { vectors, before: self.without_vectors(), is_broken: false }))
+        Ok(Some(Resident { vectors, before: self.without_vectors(), is_broken: false }))
     }
 
     /// Takes one step as [`Factorization::expand`], with the vectors in the memory of the operator.
-    pub(in crate::krylov) fn expand_away(
+    pub(in crate::krylov) fn expand_resident(
         &mut self,
-        away: &mut Away,
+        resident: &mut Resident,
         operator: &mut dyn Operator,
     ) -> Result<Step> {
         self.fits(operator)?;
@@ -111,37 +115,37 @@ impl Factorization {
             return Ok(Step::Exhausted);
         }
         let (products, column) = (self.products, self.known + self.steps());
-        let taken = operator.apply_within(&mut *away.vectors, column);
-        away.is_broken = matches!(taken, Err(Error::Device { .. }));
+        let taken = operator.apply_within(&mut *resident.vectors, column);
+        resident.is_broken = matches!(taken, Err(Error::Device { .. }));
         taken?;
-        let step = self.extend(&mut *away.vectors, operator.standard_error());
+        let step = self.extend(&mut *resident.vectors, operator.standard_error());
         // A product that is not finite is refused before anything changes.
         let is_refused = matches!(step, Err(Error::Numerical(_))) && self.products == products;
-        away.is_broken = step.is_err() && !is_refused;
+        resident.is_broken = step.is_err() && !is_refused;
         step
     }
 
     /// Copies the vectors back from the memory of an operator. If that memory fails or has failed, the factorization is as it was when its
-    /// vectors left.
+    /// vectors were uploaded.
     ///
     /// # Errors
     /// The error of that memory, unless an earlier call has returned one.
-    pub(in crate::krylov) fn bring_back(&mut self, away: Away) -> Result<()> {
+    pub(in crate::krylov) fn download(&mut self, resident: Resident) -> Result<()> {
         // A step changes the last column, and the columns before it are still here.
-        let kept = away.before.total() - 1;
-        let column = |index| Ok(away.vectors.column(index)?.into_owned());
-        let columns: Result<Vec<Vec<f64>>> = match away.is_broken {
+        let kept = resident.before.total() - 1;
+        let column = |index| Ok(resident.vectors.column(index)?.into_owned());
+        let columns: Result<Vec<Vec<f64>>> = match resident.is_broken {
             true => Ok(Vec::new()),
             false => (kept..self.total()).map(column).collect(),
         };
         match columns {
-            Ok(columns) if !away.is_broken => {
+            Ok(columns) if !resident.is_broken => {
                 self.host.basis.truncate(kept);
                 columns.iter().for_each(|column| self.host.basis.push_scaled(column, 1.0));
                 Ok(())
             }
             failed => {
-                *self = Self { host: std::mem::take(&mut self.host), ..away.before };
+                *self = Self { host: std::mem::take(&mut self.host), ..resident.before };
                 failed.map(drop)
             }
         }
