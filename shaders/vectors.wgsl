@@ -25,6 +25,8 @@ const INVOCATIONS = 256u;
 @group(0) @binding(2) var<storage, read> coefficients: array<f64>;
 @group(0) @binding(3) var<storage, read_write> w: array<f64>;
 @group(0) @binding(4) var<storage, read_write> other: array<f64>;
+// The indices of selected entries, whose factors are the coefficients. A kernel has either w or these, in one layout.
+@group(0) @binding(3) var<storage, read_write> selected: array<u32>;
 
 var<workgroup> held: array<f64, 1024>;
 var<workgroup> sums: array<f64, 256>;
@@ -124,5 +126,31 @@ fn gather(
     }
     if (index == 0u && column < part.columns) {
         w[column] = sums[0];
+    }
+}
+
+// The selected entries of the longer vector ← their factors times the first column.
+@compute @workgroup_size(256)
+fn write_selected(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) index: u32,
+) {
+    let row = INVOCATIONS * (group.y * groups.x + group.x) + index;
+    if (row < part.rows) {
+        other[selected[row]] = coefficients[row] * columns[row];
+    }
+}
+
+// other ← the factors times the selected entries of the longer vector.
+@compute @workgroup_size(256)
+fn read_selected(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) index: u32,
+) {
+    let row = INVOCATIONS * (group.y * groups.x + group.x) + index;
+    if (row < part.rows) {
+        other[row] = coefficients[row] * columns[selected[row]];
     }
 }

@@ -5,7 +5,7 @@ pub(crate) mod vectors;
 mod watched;
 
 pub use both_ways::{Exchanged, Gram};
-pub use vectors::{Settling, Sums, Vectors};
+pub use vectors::{Selection, Settling, Sums, Vectors};
 pub use watched::{Observed, Product, Recorded, Relayed};
 
 use serde::{Deserialize, Serialize};
@@ -109,17 +109,22 @@ pub trait Operator {
         false
     }
 
-    /// Vectors for `columns` columns in the memory where products are computed, for an operator that is square. The default `None` means
-    /// that products take their vectors from the host's memory, or that there is no room. Fails if the memory fails.
-    fn vectors(&self, columns: usize) -> Result<Option<Box<dyn Vectors>>> {
-        let _ = columns;
+    /// Vectors for `columns` columns in the memory where products are computed, for an operator that is square. With a selection `S`,
+    /// products are `S A Sᵀ v`. The default `None` means that products take their vectors from the host's memory, or that there is no
+    /// room.
+    ///
+    /// # Errors
+    /// The error of that memory; [`Error::Dimension`] for a selection that does not fit.
+    fn vectors(&self, columns: usize, selection: Option<Selection<'_>>) -> Result<Option<Box<dyn Vectors>>> {
+        let _ = (columns, selection);
         Ok(None)
     }
 
-    /// `w ← A v` for column `v` of vectors that [`Operator::vectors`] of this operator made.
+    /// `w ← A v`, or `w ← S A Sᵀ v`, for column `v` of vectors that [`Operator::vectors`] of this operator made.
     ///
     /// # Errors
-    /// The errors of [`Operator::apply`]; [`Error::Numerical`] for vectors of another kind or size.
+    /// The errors of [`Operator::apply`]; [`Error::Numerical`] for vectors of another kind or size. The vectors of another operator of this
+    /// kind and size are not told apart.
     fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
         let _ = (vectors, column);
         Err(vectors::made_elsewhere())
@@ -193,8 +198,9 @@ macro_rules! delegate {
         fn vectors(
             &self,
             columns: usize,
+            selection: Option<$crate::operator::Selection<'_>>,
         ) -> $crate::error::Result<Option<Box<dyn $crate::operator::Vectors>>> {
-            $crate::operator::inner!(self, $field).vectors(columns)
+            $crate::operator::inner!(self, $field).vectors(columns, selection)
         }
 
         fn apply_within(

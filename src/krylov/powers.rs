@@ -7,7 +7,7 @@ use super::basis::norm;
 use super::eigen::{Eigs, HistoryRow};
 use super::singular::Singular;
 use crate::error::{Error, Result};
-use crate::operator::{Adjoint, Operator, Vectors, delegate};
+use crate::operator::{Adjoint, Operator, Selection, Vectors, delegate};
 
 /// Numbers from `2^-SAFE` to `2^SAFE` are of ordinary size: a product of ten of them is far from `2^±1022`, the limits of double precision.
 const SAFE: i32 = 96;
@@ -130,8 +130,8 @@ impl<O: Operator + ?Sized> Operator for Rescaled<'_, O> {
     delegate!(operator: rows, cols, symmetry, block_size, observer, frames, confirming);
 
     /// Products that are scaled are taken from the host's memory.
-    fn vectors(&self, columns: usize) -> Result<Option<Box<dyn Vectors>>> {
-        if self.power.unwrap_or(0) == 0 { self.operator.vectors(columns) } else { Ok(None) }
+    fn vectors(&self, columns: usize, selection: Option<Selection<'_>>) -> Result<Option<Box<dyn Vectors>>> {
+        if self.power.unwrap_or(0) == 0 { self.operator.vectors(columns, selection) } else { Ok(None) }
     }
 
     /// The columns have norm 1.

@@ -7,7 +7,7 @@ use super::lock;
 use super::transport::{LightTransport, Shape};
 use crate::error::{Error, Result};
 use crate::observer::{Observer, PhotoTaken};
-use crate::operator::{Adjoint, Direction, Operator, Symmetry, Vectors};
+use crate::operator::{Adjoint, Direction, Operator, Product, Selection, Symmetry, Vectors};
 use crate::report::contact_sheet::ContactSheet;
 use crate::transport::Part;
 
@@ -24,7 +24,7 @@ pub struct LabOperator {
     /// The record of photos for the report. It is `None` if the products are not photos of the run.
     sheet: Option<Arc<Mutex<ContactSheet>>>,
     photos: usize,
-    /// Whether products only confirm an answer. Such products need no photo of a rig, do not count as photos, and are never predicted by a
+    /// Whether products only confirm an answer. Such products need no photo of a rig, do not count as photos, and are never estimated by a
     /// model.
     is_confirming: bool,
     /// The standard errors of the products of the last call. The list is empty if the source does not know them.
@@ -143,19 +143,18 @@ impl Operator for LabOperator {
         Some(lock(&self.transport).rig()?.measurement.effort().frames())
     }
 
-    fn vectors(&self, columns: usize) -> Result<Option<Box<dyn Vectors>>> {
-        lock(&self.transport).vectors((self.part, self.channel), columns)
+    fn vectors(&self, columns: usize, selection: Option<Selection<'_>>) -> Result<Option<Box<dyn Vectors>>> {
+        lock(&self.transport).vectors((self.part, self.channel), columns, selection)
     }
 
     fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
-        lock(&self.transport).product_within((self.part, self.channel), vectors, column)?;
+        let of = ((self.part, self.channel), self.is_confirming);
+        let seen = self.sheet.is_some() && !self.is_confirming;
+        let product = lock(&self.transport).product_within(of, vectors, column, seen)?;
         self.errors.clear();
-        if self.is_confirming {
-            return Ok(());
-        }
-        self.photos += 1;
-        let goes_on = self.sheet.is_none() || self.show(&vectors.column(column)?, &vectors.work()?, false)?;
-        if goes_on { Ok(()) } else { Err(Error::Interrupted) }
+        self.photos += usize::from(!self.is_confirming);
+        let Some(Product { from, to }) = product.filter(|_| seen) else { return Ok(()) };
+        if self.show(&from, &to, false)? { Ok(()) } else { Err(Error::Interrupted) }
     }
 
     fn confirming(&mut self, on: bool) -> bool {

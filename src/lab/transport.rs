@@ -1,6 +1,7 @@
 //! The light transport of an open source. It computes every photo, and every product with a part of the matrix.
 
 mod opening;
+mod spanned;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -18,12 +19,13 @@ use crate::image::{Image, Resolution};
 use crate::io::sparse::ProductNoise;
 use crate::journal::{Journal, Key};
 use crate::measure::RigRecord;
-use crate::operator::{Adjoint, Direction, Operator, Symmetry, Vectors};
+use crate::operator::{Adjoint, Direction, Operator, Product, Selection, Symmetry, Vectors};
 use crate::transport::{
     Assembled, Bounces, Channels, EstimatedOperator, JournaledOperator, Part, Retraced, RetracedOperator,
     Transport, pooled,
 };
 pub(super) use opening::{product_noise, require_photo_memory};
+use spanned::Spanned;
 
 /// The light transport of a source: the engine that takes photos, and the journal of a scene. A rig keeps its own journal of raw frames.
 pub(super) struct LightTransport {
@@ -31,6 +33,10 @@ pub(super) struct LightTransport {
     journal: Option<Journal>,
     /// The finished run whose photos are replayed. A model made from these photos predicts photos that were not taken.
     run: Option<PathBuf>,
+    /// The products that follow from these photos by linearity.
+    spanned: Vec<Spanned>,
+    /// Whether the vectors of the run that the journal keeps may be on the device.
+    began_on_device: bool,
     shape: Shape,
     observer: SharedObserver,
 }
@@ -194,6 +200,7 @@ impl LightTransport {
         ));
         self.engine = Engine::Model(Box::new(ModelParts::new(model)?));
         self.journal = None;
+        self.spanned = Vec::new();
         ask(self)
     }
 
@@ -206,34 +213,58 @@ impl LightTransport {
         xs: &[&[f64]],
         ys: &mut [&mut [f64]],
     ) -> Result<Vec<f64>> {
-        let name = product_name(of.0, of.1);
+        let names = [product_name(of.0, of.1), confirming_name(of)];
         if is_confirming {
-            return self.products_taken(&format!("{name}, to confirm"), of, direction, xs, ys);
+            return self.products_taken(&names[1], of, direction, xs, ys);
         }
-        self.or_by_model(|transport| transport.products_taken(&name, of, direction, xs, ys))
+        self.or_by_model(|transport| transport.products_taken(&names[0], of, direction, xs, ys))
     }
 
-    /// Vectors where the products of one part and channel are computed ([`Operator::vectors`]). A run with a journal has none: asking the run
-    /// again repeats its patterns only if the host computed them.
+    /// Vectors where the products of one part and channel are computed ([`Operator::vectors`]). A run that began with vectors in the host's
+    /// memory goes on with them, so that its patterns are those in its journal.
     pub(super) fn vectors(
         &self,
         (part, channel): (Part, usize),
         columns: usize,
+        selection: Option<Selection<'_>>,
     ) -> Result<Option<Box<dyn Vectors>>> {
-        match (&self.engine, &self.journal) {
-            (Engine::Replayed(traced), None) => traced.operator(part, channel).vectors(columns),
+        match &self.engine {
+            Engine::Replayed(traced) if self.journal.is_none() || self.began_on_device => {
+                let made = traced.operator(part, channel).vectors(columns, selection)?;
+                if made.is_none() && traced.is_on_gpu() && self.shape.photos == self.shape.patterns {
+                    self.observer.note(format_args!(
+                        "note: the device has no room for {columns} vectors, which stay in the memory of the processor"
+                    ));
+                }
+                Ok(made)
+            }
             _ => Ok(None),
         }
     }
 
-    /// A product with such vectors ([`Operator::apply_within`]).
+    /// A product with such vectors ([`Operator::apply_within`]). It is in the journal before it is returned. `None` if there is no journal and
+    /// the product need not be `seen`.
     pub(super) fn product_within(
         &mut self,
-        (part, channel): (Part, usize),
+        ((part, channel), is_confirming): ((Part, usize), bool),
         vectors: &mut dyn Vectors,
         column: usize,
-    ) -> Result<()> {
-        self.engine.with_operator(part, channel, |operator| operator.apply_within(vectors, column))
+        seen: bool,
+    ) -> Result<Option<Product>> {
+        let Self { engine, journal, observer, .. } = self;
+        engine.with_operator(part, channel, |operator| operator.apply_within(vectors, column))?;
+        if !seen && journal.is_none() {
+            return Ok(None);
+        }
+        let product = vectors.product()?;
+        if let Some(journal) = journal {
+            let of = (part, channel);
+            let name = if is_confirming { confirming_name(of) } else { product_name(part, channel) };
+            let known = journal.damages().len();
+            JournaledOperator::keep(journal, name, &product)?;
+            warn_of_new_damages(journal, known, observer);
+        }
+        Ok(Some(product))
     }
 
     /// Products, from the journal if it keeps them under this name.
@@ -245,7 +276,7 @@ impl LightTransport {
         xs: &[&[f64]],
         ys: &mut [&mut [f64]],
     ) -> Result<Vec<f64>> {
-        let Self { engine, journal, shape, observer, .. } = self;
+        let Self { engine, journal, spanned, shape, observer, .. } = self;
         let apply = |operator: &mut dyn Adjoint, ys: &mut [&mut [f64]]| {
             operator.products(direction, xs, ys)?;
             Ok(operator.standard_errors())
@@ -259,14 +290,28 @@ impl LightTransport {
         };
         if let Engine::JournalOnly = engine {
             let size = [shape.photos, shape.patterns].map(Resolution::pixels);
-            return apply(&mut JournaledOperator::replay(journal, name, size, shape.symmetry), ys);
+            let replayed = apply(&mut JournaledOperator::replay(journal, name, size, shape.symmetry), ys);
+            let is_missing = matches!(replayed, Err(Error::NotTaken { .. }));
+            if !is_missing || direction != Direction::Forward {
+                return replayed;
+            }
+            for (x, y) in xs.iter().zip(ys) {
+                let mut operator = JournaledOperator::replay(journal, name, size, shape.symmetry);
+                if operator.apply(x, y).is_ok() {
+                    continue;
+                }
+                let is_known = Spanned::of(spanned, journal, (part, channel))?.product(x, y);
+                if !is_known {
+                    return replayed;
+                }
+            }
+            return Ok(Vec::new());
         }
         let known = journal.damages().len();
         let taken = engine.with_operator(part, channel, |inner| {
             apply(&mut JournaledOperator::new(journal, name, inner), ys)
         });
-        let mut warn = layout::warn_of_damage(journal, observer);
-        journal.damages()[known..].iter().for_each(&mut warn);
+        warn_of_new_damages(journal, known, observer);
         taken
     }
 
@@ -373,6 +418,17 @@ impl LightTransport {
         journal.note(name, &bytes)?;
         Ok(image)
     }
+}
+
+/// Reports the damages that were found after the first `known` ones.
+fn warn_of_new_damages(journal: &Journal, known: usize, observer: &SharedObserver) {
+    let mut warn = layout::warn_of_damage(journal, observer);
+    journal.damages()[known..].iter().for_each(&mut warn);
+}
+
+/// The name in the journal of products that only confirm an answer.
+fn confirming_name((part, channel): (Part, usize)) -> String {
+    format!("{}, to confirm", product_name(part, channel))
 }
 
 /// The direct light of each channel, if its matrix is diagonal.

@@ -3,6 +3,7 @@
 use std::any::Any;
 use std::borrow::Cow;
 
+use super::Product;
 use crate::error::{Error, Result};
 
 /// The orthonormal columns `V` of a basis, and a vector `w`; all have `n` entries.
@@ -28,6 +29,9 @@ pub trait Vectors: Any + Send {
     /// `w ← x`. Fails as [`Vectors::column`].
     fn load(&mut self, x: &[f64]) -> Result<()>;
 
+    /// Removes all columns, and keeps their memory.
+    fn clear(&mut self);
+
     /// `V ← [V w/divisor]`. Fails as [`Vectors::column`].
     fn push(&mut self, divisor: f64) -> Result<()>;
 
@@ -43,6 +47,22 @@ pub trait Vectors: Any + Send {
     /// Removes small parts from the last column, and the known parts from `w`; then `Vᵀ w` with the new last column, and `‖w‖`. Fails as
     /// [`Vectors::column`].
     fn settle_and_dot(&mut self, settling: &Settling<'_>) -> Result<Sums>;
+
+    /// The last product that [`Operator::apply_within`](super::Operator::apply_within) computed in these vectors: `x` and `A x`, of all `n`
+    /// entries, also with a selection. Fails as [`Vectors::column`]. The default, for vectors in the host's memory, always fails.
+    fn product(&self) -> Result<Product> {
+        Err(made_elsewhere())
+    }
+}
+
+/// Some entries of the vectors of an operator, and a factor for each. With the `m × n` matrix `S` that selects and multiplies these
+/// entries, the products of an operator `A` of `n × n` become `S A Sᵀ v`, for vectors `v` of `m` entries.
+#[derive(Clone, Copy, Debug)]
+pub struct Selection<'a> {
+    /// The indices of the entries, in ascending order (`m`).
+    pub entries: &'a [usize],
+    /// Their factors (`m`).
+    pub factors: &'a [f64],
 }
 
 /// Inner products `Vᵀ w`, and `‖w‖`.

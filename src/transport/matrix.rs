@@ -15,7 +15,7 @@ use super::{Channels, GpuMatrix, RigShape};
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::operator::vectors::made_elsewhere;
-use crate::operator::{Adjoint, Direction, Operator, Symmetry, Vectors};
+use crate::operator::{Adjoint, Direction, Operator, Selection, Symmetry, Vectors};
 use crate::sparse::Csr;
 
 /// The number of rows that a task multiplies if the matrix has only a diagonal.
@@ -336,15 +336,14 @@ impl Operator for MatrixOperator<'_> {
     }
 
     /// On a device that computes the products.
-    fn vectors(&self, columns: usize) -> Result<Option<Box<dyn Vectors>>> {
+    fn vectors(&self, columns: usize, selection: Option<Selection<'_>>) -> Result<Option<Box<dyn Vectors>>> {
         let Some(device) = self.device else { return Ok(None) };
-        Ok(device.vectors(columns)?.map(|vectors| Box::new(vectors) as Box<dyn Vectors>))
+        Ok(device.vectors(columns, selection)?.map(|vectors| Box::new(vectors) as Box<dyn Vectors>))
     }
 
     fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
-        let fits = vectors.rows() == self.rows() && vectors.rows() == self.cols();
         let vectors = (vectors as &mut dyn std::any::Any).downcast_mut::<DeviceVectors>();
-        match self.device.filter(|_| fits).zip(vectors) {
+        match self.device.zip(vectors) {
             Some((device, vectors)) => device.multiply_within((self.part, self.channel), vectors, column),
             None => Err(made_elsewhere()),
         }

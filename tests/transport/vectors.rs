@@ -3,16 +3,21 @@
 use std::any::Any;
 use std::borrow::Cow;
 use std::ops::ControlFlow;
-use std::sync::Arc;
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 
 use crate::common::{load, settings, trace, tracer};
+use krylux::analysis::{Capture, SegmentOptions};
+use krylux::image::Resolution;
+use krylux::journal::{Journal, Kind};
 use krylux::krylov::{
-    Eigs, EigsMethod, EigsOptions, Factorization, PairStatus, Start, Status, dot, eigs, eigs_from,
+    Completeness, Eigs, EigsMethod, EigsOptions, Factorization, ForwardOnly, Method, PairStatus, Solution,
+    SolveOptions, Start, Status, dot, eigs, eigs_from, norm, solve, solve_from,
 };
-use krylux::lab::{Lab, Settings};
-use krylux::observer::{Observer, OnStep, PhotoTaken, Step};
-use krylux::operator::{Closure, Observed, Operator, Settling, Sums, Symmetry, Vectors};
+use krylux::lab::{Lab, RunOptions, Settings, SharedObserver};
+use krylux::observer::{Level, Observer, OnStep, PhotoTaken, Step};
+use krylux::operator::{Closure, Observed, Operator, Product, Selection, Settling, Sums, Symmetry, Vectors};
 use krylux::render::Tracer;
 use krylux::transport::{Assembled, Backend, Channels, MatrixOperator, Part};
 use krylux::{Error, Result};
@@ -92,7 +97,7 @@ fn every_process_finds_on_the_device_what_it_finds_on_the_host() {
         let others_on_host = found(&assembled, part, &others);
 
         assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
-        let room = assembled.operator(part, 0).vectors(8).expect("the device works");
+        let room = assembled.operator(part, 0).vectors(8, None).expect("the device works");
         assert!(room.is_some_and(|vectors| vectors.rows() == size * size), "vectors are on the device");
         for (options, host) in cases.iter().zip(&on_host) {
             let what = format!("{name}, {:?}", options.method);
@@ -178,8 +183,8 @@ impl Operator for Watched<'_> {
         self.inner.apply(x, y)
     }
 
-    fn vectors(&self, columns: usize) -> Result<Option<Box<dyn Vectors>>> {
-        let inner = self.inner.vectors(columns)?;
+    fn vectors(&self, columns: usize, selection: Option<Selection<'_>>) -> Result<Option<Box<dyn Vectors>>> {
+        let inner = self.inner.vectors(columns, selection)?;
         Ok(inner.map(|inner| Box::new(Limited { inner, calls: self.calls.clone() }) as Box<dyn Vectors>))
     }
 
@@ -229,6 +234,10 @@ impl Vectors for Limited {
         self.inner.load(x)
     }
 
+    fn clear(&mut self) {
+        self.inner.clear();
+    }
+
     fn push(&mut self, divisor: f64) -> Result<()> {
         self.call()?;
         self.inner.push(divisor)
@@ -252,6 +261,11 @@ impl Vectors for Limited {
     fn settle_and_dot(&mut self, settling: &Settling<'_>) -> Result<Sums> {
         self.call()?;
         self.inner.settle_and_dot(settling)
+    }
+
+    fn product(&self) -> Result<Product> {
+        self.call()?;
+        self.inner.product()
     }
 }
 
@@ -318,7 +332,7 @@ fn a_laboratory_shows_and_counts_the_photos_within_the_device() {
     let [(on_host, _), (on_device, seen)] = [Backend::Cpu, Backend::Gpu].map(|backend| {
         let (mut lab, seen) = open(backend, usize::MAX);
         let mut operator = lab.operator(Part::Global).expect("the scene is traced");
-        assert_eq!(operator.vectors(2).expect("the device works").is_some(), backend == Backend::Gpu);
+        assert_eq!(operator.vectors(2, None).expect("the device works").is_some(), backend == Backend::Gpu);
         let found = eigs(&mut operator, &options).expect("the process finds pairs");
         assert_eq!(operator.photos(), found.stats.products);
         (found, seen)
@@ -329,6 +343,224 @@ fn a_laboratory_shows_and_counts_the_photos_within_the_device() {
     let mut operator = lab.operator(Part::Global).expect("the scene is traced");
     let stopped = eigs(&mut operator, &options).expect_err("the third photo ends the run");
     assert!(matches!(stopped, Error::Interrupted) && operator.photos() == 3, "{stopped}");
+}
+
+#[test]
+fn a_segmentation_keeps_its_vectors_on_the_device() {
+    for (name, size, groups, mask_below) in
+        [("corner", 16, 2, 0.0), ("zigzag", 32, 2, 0.3), ("nine-cells", 48, 9, 0.01)]
+    {
+        let (tracer, mut assembled) = scene(name, size);
+        let resolution = Some(Resolution::new(size, size));
+        let options =
+            SegmentOptions { groups: vec![groups], mask_below, resolution, ..SegmentOptions::default() };
+        let segmented = |operator: &mut dyn Operator| {
+            let mut capture = Capture::new(options.clone()).expect("good options");
+            capture.run(operator).expect("the photos are taken");
+            (capture.photos(), capture.segmentation().expect("there are eigenvectors"))
+        };
+        let (photos, host) = segmented(&mut assembled.operator(Part::Global, 0));
+        assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+        let mut watched = Watched::new(assembled.operator(Part::Global, 0));
+        let (photos_within, device) = segmented(&mut watched);
+        // White, and the pattern of the mask if it hides light.
+        assert!(watched.with_host <= 2 && watched.within > 8, "{name}: {}", watched.with_host);
+        assert_eq!(photos, photos_within, "{name}");
+        assert_eq!(host.labels, device.labels, "{name}: each pixel is in its group");
+        for (host, device) in host.eigenvalues.iter().zip(&device.eigenvalues) {
+            // The tolerance of a segmentation's eigenvalues.
+            assert!((host - device).abs() < 1e-3 * host.abs(), "{name}: {host} {device}");
+        }
+        let (_, again) = segmented(&mut assembled.operator(Part::Global, 0));
+        assert_eq!(device.eigenvalues, again.eigenvalues, "{name}: the same bits again");
+    }
+}
+
+/// A laboratory with a run's folder whose products are computed on the device.
+fn lab_in(folder: &Path, resume: bool, observer: impl Into<SharedObserver>) -> Lab {
+    let mut settings = Settings::default();
+    settings.operator.backend = Backend::Gpu;
+    let builder = Lab::builder("assets/scenes/cornell/scene.glb").settings(settings).size(24, 24).samples(24);
+    builder.run(run_options(folder, resume)).observer(observer).open().expect("the scene is there")
+}
+
+fn run_options(folder: &Path, resume: bool) -> RunOptions {
+    RunOptions { folder: Some(folder.to_path_buf()), resume, ..RunOptions::default() }
+}
+
+/// Keeps what a laboratory says.
+#[derive(Default)]
+struct Listener(Mutex<String>);
+
+impl Observer for Listener {
+    fn log(&self, _: Level, message: &str) {
+        self.0.lock().expect("no test fails while it listens").push_str(message);
+    }
+}
+
+#[test]
+fn the_photos_of_a_run_on_the_device_answer_a_machine_without_it() {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let run = folder.path().join("run");
+    let mut options = asked(EigsMethod::Lanczos, 40);
+    let on_device = {
+        let mut lab = lab_in(&run, false, Arc::new(Listener::default()));
+        let mut operator = lab.operator(Part::Global).expect("the scene is traced");
+        assert!(operator.vectors(2, None).expect("the device works").is_some());
+        eigs(&mut operator, &options).expect("the process finds pairs")
+    };
+    let asked_again = |options: &EigsOptions| {
+        let heard = Arc::new(Listener::default());
+        let mut lab = Lab::builder(&run).observer(heard.clone()).open().expect("the run is whole");
+        let mut operator = lab.operator(Part::Global).expect("the photos are there");
+        let found = eigs(&mut operator, options).expect("the photos answer");
+        let said = heard.0.lock().expect("no other thread").clone();
+        (found, said)
+    };
+    let (again, said) = asked_again(&options);
+    assert!(!said.contains("model"), "{said}");
+    assert_same(&on_device, &again, "without the scene");
+    let [excluded, excluded_again] = [&on_device, &again].map(|found| match &found.completeness {
+        Completeness::Confirmed(confirmed) => confirmed.limits,
+        other => unreachable!("{other:?}"),
+    });
+    for (limit, again) in excluded.iter().flatten().zip(excluded_again.iter().flatten()) {
+        assert!(
+            (limit - again).abs() < 1e-9 * limit,
+            "the confirming photos answer as well: {limit} {again}"
+        );
+    }
+    for (device, again) in on_device.vectors.iter().zip(&again.vectors) {
+        // Both are pairs of the same photos, so they differ by rounding and not by their residuals.
+        assert!(device.iter().zip(again).all(|(a, b)| (a - b).abs() < 1e-9), "the same vectors");
+    }
+    // Another start leaves the span of the photos, and a model answers.
+    options.start = Start::Random { seed: 77 };
+    assert!(asked_again(&options).1.contains("model"));
+}
+
+#[test]
+fn a_run_on_the_device_that_was_stopped_goes_on_to_the_same_bits() {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let options = asked(EigsMethod::Lanczos, 30);
+    let take = |name: &str, resume: bool, until: usize| {
+        let observer = Arc::new(Until(until, AtomicUsize::new(0)));
+        let mut lab = lab_in(&folder.path().join(name), resume, observer);
+        eigs(&mut lab.operator(Part::Global).expect("the scene is traced"), &options)
+    };
+    let whole = take("whole", false, usize::MAX).expect("30 photos");
+    assert!(matches!(take("stopped", false, 9), Err(Error::Interrupted)));
+    let resumed = take("stopped", true, usize::MAX).expect("the other photos");
+    assert_eq!(bits(&whole), bits(&resumed));
+    let photos = |name: &str| {
+        let journal = Journal::read_only(&folder.path().join(name).join("journal")).expect("a journal");
+        let keys: Vec<_> = journal
+            .entries()
+            .iter()
+            .filter(|entry| entry.kind == Kind::Photo)
+            .map(|entry| entry.key)
+            .collect();
+        keys
+    };
+    assert_eq!(photos("whole"), photos("stopped"), "no photo is kept twice");
+}
+
+/// A right-hand side with a solution, the photo of a ramp.
+fn photo_of_a_ramp(assembled: &Assembled) -> Vec<f64> {
+    let n = assembled.matrix.resolution().pixels();
+    let ramp: Vec<f64> = (0..n).map(|i| 0.2 + (i as f64 * 0.37).sin().abs()).collect();
+    let mut b = vec![0.0; n];
+    assembled.matrix.apply(Part::Full, 0, &ramp, &mut b);
+    b
+}
+
+/// `‖b − A x‖ / ‖b‖`, by a product on the processor.
+fn true_residual(assembled: &Assembled, x: &[f64], b: &[f64]) -> f64 {
+    let mut photo = vec![0.0; b.len()];
+    assembled.matrix.apply(Part::Full, 0, x, &mut photo);
+    let misfit: Vec<f64> = b.iter().zip(&photo).map(|(b, y)| b - y).collect();
+    norm(&misfit) / norm(b)
+}
+
+#[test]
+fn gmres_keeps_its_basis_on_the_device() {
+    for (name, size) in [("corner", 16), ("cornell", 32), ("zigzag", 48)] {
+        let (tracer, mut assembled) = scene(name, size);
+        let b = photo_of_a_ramp(&assembled);
+        let whole = SolveOptions { products: 40, rtol: 1e-7, ..SolveOptions::default() };
+        let cases = [
+            whole.clone(),
+            SolveOptions { restart: Some(7), ..whole.clone() },
+            SolveOptions { x0: Some(vec![0.5; b.len()]), ..whole },
+        ];
+        let solved = |operator: &mut dyn Operator, options: &SolveOptions| {
+            solve(Method::Gmres, operator, &b, options).expect("the products are taken")
+        };
+        let on_host: Vec<Solution> =
+            cases.iter().map(|options| solved(&mut assembled.operator(Part::Full, 0), options)).collect();
+        assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+        for (options, host) in cases.iter().zip(&on_host) {
+            let mut watched = Watched::new(assembled.operator(Part::Full, 0));
+            let device = solved(&mut watched, options);
+            // The residual of a first iterate is taken with the host.
+            assert_eq!(watched.with_host, usize::from(options.x0.is_some()), "{name}");
+            assert_eq!(watched.within + watched.with_host, device.stats.products, "{name}");
+            assert_eq!(
+                (device.stats.status, device.stats.products),
+                (host.stats.status, host.stats.products),
+                "{name}"
+            );
+            // Rounding of products and sums, relative to 1.
+            assert!((true_residual(&assembled, &device.x, &b) - device.residual).abs() < 1e-12, "{name}");
+            assert!((device.residual - host.residual).abs() < 1e-12, "{name}");
+            let again = solved(&mut assembled.operator(Part::Full, 0), options);
+            assert_eq!(
+                (&device.x, &device.history),
+                (&again.x, &again.history),
+                "{name}: the same bits again"
+            );
+        }
+    }
+}
+
+#[test]
+fn gmres_goes_on_after_more_products_are_allowed_and_after_its_device_failed() {
+    let (tracer, mut assembled) = scene("cornell", 16);
+    let b = photo_of_a_ramp(&assembled);
+    assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+    let options = SolveOptions { products: 6, rtol: 1e-9, restart: Some(9), ..SolveOptions::default() };
+    let more = SolveOptions { products: 40, ..options.clone() };
+    let at_once =
+        solve(Method::Gmres, &mut assembled.operator(Part::Full, 0), &b, &more).expect("40 products");
+    // A solver that has room only for its first products moves its basis to the host.
+    for (made_for, fewest) in [(&options, 3), (&more, 30)] {
+        let mut failures = 0;
+        for calls in 0.. {
+            let mut watched = Watched::new(assembled.operator(Part::Full, 0));
+            let mut solver = Method::Gmres.solver(b.len(), &b, made_for).expect("good options");
+            solve_from(&mut solver, &mut ForwardOnly(&mut watched), &options).expect("6 products");
+            watched.calls.store(calls, Ordering::Relaxed);
+            let went_on = solve_from(&mut solver, &mut ForwardOnly(&mut watched), &more);
+            watched.calls.store(usize::MAX, Ordering::Relaxed);
+            let best = solver.tally().relative(solver.tally().best);
+            let found = true_residual(&assembled, &solver.solution(), &b);
+            assert!((found - best).abs() < 1e-12, "failure of call {calls}: {found:e} {best:e}");
+            match went_on {
+                Ok(went_on) => {
+                    assert!((went_on.residual - at_once.residual).abs() < 1e-12);
+                    assert_eq!(went_on.stats.status, at_once.stats.status);
+                    break;
+                }
+                Err(error) => assert!(error.to_string().contains("the device was lost"), "{error}"),
+            }
+            let options = SolveOptions { products: 80, ..options.clone() };
+            let found =
+                solve_from(&mut solver, &mut ForwardOnly(&mut watched), &options).expect("80 products");
+            assert!(watched.with_host > 0 && found.residual < 1.01 * at_once.residual, "{}", found.residual);
+            failures += 1;
+        }
+        assert!(failures >= fewest, "{failures}");
+    }
 }
 
 /// `2^200 A`, which methods divide by a power of two.
@@ -353,8 +585,8 @@ impl Operator for Huge<'_> {
         Ok(())
     }
 
-    fn vectors(&self, columns: usize) -> Result<Option<Box<dyn Vectors>>> {
-        self.0.vectors(columns)
+    fn vectors(&self, columns: usize, selection: Option<Selection<'_>>) -> Result<Option<Box<dyn Vectors>>> {
+        self.0.vectors(columns, selection)
     }
 
     fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
@@ -381,7 +613,8 @@ fn products_beyond_ordinary_size_are_taken_with_the_host() {
 fn vectors_of_another_operator_are_refused() {
     let (tracer, mut assembled) = scene("corner", 8);
     assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
-    let mut vectors = assembled.operator(Part::Full, 0).vectors(2).expect("the device works").expect("room");
+    let mut vectors =
+        assembled.operator(Part::Full, 0).vectors(2, None).expect("the device works").expect("room");
     let mut closure = Closure::new(64, 64, Symmetry::Symmetric, |x: &[f64], y: &mut [f64]| {
         y.copy_from_slice(x);
         Ok(())

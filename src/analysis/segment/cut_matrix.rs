@@ -3,7 +3,8 @@
 use super::graph::Graph;
 use super::options::Cut;
 use crate::error::Result;
-use crate::operator::{Operator, between, delegate};
+use crate::operator::vectors::made_elsewhere;
+use crate::operator::{Operator, Selection, Vectors, between, delegate};
 
 /// The matrix (`m × m`) of a cut on the nodes of a [`Graph`], with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`.
 ///
@@ -29,6 +30,11 @@ impl<'a> CutMatrix<'a> {
             Cut::Average => vec![1.0; graph.pixels().len()],
         };
         Self { global, graph, cut, scaling }
+    }
+
+    /// Whether the matrix is `D^-½ G_m D^-½`, without further terms.
+    fn is_scaled_light(&self) -> bool {
+        self.cut == Cut::Normalized && self.graph.mu() == 0.0
     }
 }
 
@@ -84,6 +90,22 @@ impl Operator for CutMatrix<'_> {
             }
         };
         between(*global, (xs, ys), before, after)
+    }
+
+    /// The vectors of the global operator, selected and scaled. The host computes the terms of `μ` and of the average cut.
+    fn vectors(&self, columns: usize, selection: Option<Selection<'_>>) -> Result<Option<Box<dyn Vectors>>> {
+        if !self.is_scaled_light() || selection.is_some() {
+            return Ok(None);
+        }
+        let nodes = Selection { entries: self.graph.pixels(), factors: &self.scaling };
+        self.global.vectors(columns, Some(nodes))
+    }
+
+    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
+        if !self.is_scaled_light() || vectors.rows() != self.rows() {
+            return Err(made_elsewhere());
+        }
+        self.global.apply_within(vectors, column)
     }
 
     /// The standard errors of the photos, scaled like the products. The scaling assumes that all pixels have the same noise.

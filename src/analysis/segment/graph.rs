@@ -101,6 +101,11 @@ impl Graph {
         raster
     }
 
+    /// The weight `μ` between any two nodes.
+    pub(super) fn mu(&self) -> f64 {
+        self.mu
+    }
+
     /// Writes `W x = (G_m + μ 1 1ᵀ) x` on nodes to `y`, from the photo of the pattern `x`.
     pub(super) fn weights_product(&self, x: impl Iterator<Item = f64>, photo: &[f64], y: &mut [f64]) {
         // The term μ 1 1ᵀ x is computed, because it is not in the photo.

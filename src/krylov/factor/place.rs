@@ -37,6 +37,10 @@ impl Vectors for Host {
         Ok(())
     }
 
+    fn clear(&mut self) {
+        self.basis.clear();
+    }
+
     fn push(&mut self, divisor: f64) -> Result<()> {
         self.basis.push_scaled(&self.work, divisor);
         Ok(())
@@ -72,7 +76,7 @@ pub(super) fn orthogonalize(vectors: &mut dyn Vectors) -> Result<Removed> {
 
 /// The largest number of columns in the memory of an operator. Longer processes keep their vectors in the host's memory, of which there is
 /// more.
-const MOST: usize = 256;
+pub(in crate::krylov) const MOST: usize = 256;
 
 /// The vectors of a factorization while they are in the memory of an operator.
 pub(in crate::krylov) struct Resident {
@@ -86,17 +90,17 @@ pub(in crate::krylov) struct Resident {
 impl Factorization {
     /// Copies the vectors to the memory of `operator`, if it has one with room for a subspace of `steps` dimensions. Until
     /// [`Factorization::download`], only [`Factorization::expand_resident`] may change the factorization, and the vectors in the host's memory
-    /// are out of date. A filter needs all remainders, so its process stays in the host's memory. Fails as [`Operator::vectors`].
+    /// are out of date. Fails as [`Operator::vectors`].
     pub(in crate::krylov) fn upload(
         &self,
         operator: &dyn Operator,
         steps: usize,
     ) -> Result<Option<Resident>> {
         let columns = self.known + steps.max(self.steps()).min(self.n()) + self.block;
-        if self.filter.is_some() || !self.ready.is_empty() || columns > MOST {
+        if !self.ready.is_empty() || columns > MOST {
             return Ok(None);
         }
-        let Some(mut vectors) = operator.vectors(columns)? else { return Ok(None) };
+        let Some(mut vectors) = operator.vectors(columns, None)? else { return Ok(None) };
         for column in self.host.basis.columns() {
             vectors.load(column)?;
             vectors.push(1.0)?;
@@ -151,7 +155,7 @@ impl Factorization {
         }
     }
 
-    /// A copy of everything but the vectors, the filter and prepared products.
+    /// A copy of everything but the vectors and prepared products.
     fn without_vectors(&self) -> Self {
         Self {
             kind: self.kind,
@@ -167,7 +171,7 @@ impl Factorization {
             draws: self.draws,
             late: self.late.clone(),
             ready: VecDeque::new(),
-            filter: None,
+            filter: self.filter.clone(),
         }
     }
 }

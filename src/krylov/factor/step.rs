@@ -78,7 +78,8 @@ impl Factorization {
         // The following statements cannot fail with vectors in the host's memory.
         self.products += 1;
         self.scale = self.scale.max(length);
-        let mut removed = self.orthogonalize_product(vectors, &along)?;
+        let filters = self.filter.is_some() && error > 0.0;
+        let mut removed = self.orthogonalize_product(vectors, &along, filters)?;
         if exceeds_rounding(removed.norm, self.scale, n) && total < n {
             let (error, along) = match self.denoised(vectors, error, removed.norm)? {
                 // The part that the filter removes counts as noise of the product.
@@ -112,7 +113,7 @@ impl Factorization {
     /// Filters `w`, the remainder of a product. Adds a direction, orthogonal to the basis and of length 1, to the basis, and returns the
     /// product's part along it. Returns `None`, with the same `w`, if the remainder is used without change.
     fn denoised(&self, vectors: &mut dyn Vectors, error: f64, rest: f64) -> Result<Option<f64>> {
-        let Some(filter) = &self.filter else { return Ok(None) };
+        let Some(filter) = self.filter.as_ref().filter(|_| error > 0.0) else { return Ok(None) };
         let product = vectors.work()?.into_owned();
         let Some(direction) = filter.apply(&product, (error / rest).min(1.0)) else { return Ok(None) };
         if direction.len() != product.len() || !direction.iter().all(|value| value.is_finite()) {
@@ -146,7 +147,7 @@ struct Rest {
 impl Factorization {
     /// Orthogonalizes the product `w` against the basis, and reads the basis once. `along` holds the product's inner products with
     /// the last columns. Up to rounding, these columns contain the product's entire part in the span of the basis. `along` is empty if this
-    /// is unknown.
+    /// is unknown. If a filter is about to replace the remainder (`filters`), all its parts are removed at once.
     ///
     /// Full reorthogonalization takes the inner products of the product with all basis vectors and then removes these components. It reads
     /// the basis twice, or four times for Arnoldi. Here the removal waits for the next step, which reads the basis anyway for its inner
@@ -164,7 +165,12 @@ impl Factorization {
     /// removed at once, by passes as in [`orthogonalize`], so `v` has norm `1 + O(ε)`. With the `γ` defined there,
     /// `‖V_jᵀv‖ ≤ √j γ + LATE ‖I − V_jᵀV_j‖`, so errors do not accumulate. `m` vectors satisfy `‖I − VᵀV‖_F ≤ √2 m γ`, as if each vector
     /// had been reorthogonalized at once. The tests check this bound on difficult cases.
-    fn orthogonalize_product(&mut self, vectors: &mut dyn Vectors, along: &[f64]) -> Result<Rest> {
+    fn orthogonalize_product(
+        &mut self,
+        vectors: &mut dyn Vectors,
+        along: &[f64],
+        filters: bool,
+    ) -> Result<Rest> {
         let total = vectors.columns();
         let first = total - along.len();
         let late = std::mem::take(&mut self.late);
@@ -189,11 +195,11 @@ impl Factorization {
             .collect();
         let mut enough = false;
         for _ in 0..=PASSES {
-            if enough && self.filter.is_some() {
+            if enough && filters {
                 break;
             }
             coefficients.iter_mut().zip(&rest).for_each(|(sum, part)| *sum += part);
-            if self.filter.is_none() && norm(&rest) <= LATE * length {
+            if !filters && norm(&rest) <= LATE * length {
                 let late = self.without_known(vectors, rest)?;
                 return Ok(Rest { coefficients, norm: length, late });
             }

@@ -22,7 +22,8 @@ use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::gpu::buffers::Results;
 use crate::gpu::pipeline::Step;
-use crate::operator::Direction;
+use crate::operator::vectors::made_elsewhere;
+use crate::operator::{Direction, Selection};
 use crate::render::Tracer;
 
 /// A copy of a [`TransportMatrix`] on a graphics device.
@@ -199,33 +200,59 @@ impl GpuMatrix {
 
 /// Products with vectors that stay on the device.
 impl GpuMatrix {
-    /// Room for vectors of a square matrix, or `None` if the device's memory has none. Fails with [`Error::Device`] if the device fails.
-    pub(super) fn vectors(&self, columns: usize) -> Result<Option<DeviceVectors>> {
+    /// Room for vectors of a square matrix, as [`Operator::vectors`](crate::operator::Operator::vectors), or `None` if the device's memory
+    /// has none.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device fails; [`Error::Dimension`] for a selection that does not fit.
+    pub(super) fn vectors(
+        &self,
+        columns: usize,
+        selection: Option<Selection<'_>>,
+    ) -> Result<Option<DeviceVectors>> {
         let [rows, cols] = [self.rig.camera.pixels(), self.rig.projector.pixels()];
         if rows != cols {
             return Ok(None);
         }
+        if let Some(Selection { entries, factors }) = selection {
+            Error::check_size("factors of a selection", entries.len(), factors.len())?;
+            let last = entries.last().copied().unwrap_or(0);
+            if last >= rows || !entries.is_sorted_by(|a, b| a < b) {
+                let expected = format!("ascending, below {rows}");
+                return Err(Error::dimension(
+                    "the entries of a selection",
+                    expected,
+                    format!("up to {last}"),
+                ));
+            }
+        }
         vectors::kernels(&self.gpu)?;
-        match DeviceVectors::new(&self.gpu, rows, columns) {
+        let made = DeviceVectors::new(&self.gpu, selection.map_or(rows, |of| of.entries.len()), columns)
+            .and_then(|vectors| vectors.of_product(rows, selection));
+        match made {
             Ok(vectors) => Ok(Some(vectors)),
             Err(_) => self.gpu.require_working().map(|()| None),
         }
     }
 
-    /// `w ← P v` for a column `v`, without waiting for it. Fails as [`GpuMatrix::apply`].
+    /// `w ← P v`, or `w ← S P Sᵀ v` with the selection of the vectors, for a column `v`, without waiting for it. Fails as
+    /// [`GpuMatrix::apply`], and with [`Error::Numerical`] for vectors of another size.
     pub(super) fn multiply_within(
         &self,
         (part, channel): (Part, usize),
         vectors: &mut DeviceVectors,
         column: usize,
     ) -> Result<()> {
+        let pixels = self.rig.camera.pixels();
+        if vectors.pixels() != pixels || self.rig.projector.pixels() != pixels {
+            return Err(made_elsewhere());
+        }
         let mut state = self.state();
         let steps = self.steps(&mut state, Product { part, channel, direction: Direction::Forward })?;
-        let bytes = 8 * self.rig.camera.pixels() as u64;
         let record = |encoder: &mut wgpu::CommandEncoder| {
-            vectors.copy_column(column, &self.from, encoder);
+            vectors.write_pattern(column, &self.from, encoder);
             Step::record(&self.gpu, "products", steps, encoder);
-            encoder.copy_buffer_to_buffer(&self.to.buffer, 0, &vectors.work, 0, bytes);
+            vectors.read_photo(&self.to.buffer, encoder);
         };
         self.gpu.submit("product", record).map(drop)
     }

@@ -303,7 +303,9 @@ fn products_within_the_device_are_those_with_the_host() -> Result<()> {
     let (gpu, assembled) = (Gpu::for_tests(), coaxial());
     let on_device = GpuMatrix::on(&gpu, &assembled.matrix)?;
     let x = signed(&mut Pcg64::seed_from_u64(5), 37 * 29);
-    let Some(mut vectors) = on_device.vectors(3)? else { unreachable!("there is room for three vectors") };
+    let Some(mut vectors) = on_device.vectors(3, None)? else {
+        unreachable!("there is room for three vectors")
+    };
     for _ in 0..2 {
         vectors.load(&x)?;
         vectors.push(1.0)?;
@@ -314,6 +316,32 @@ fn products_within_the_device_are_those_with_the_host() -> Result<()> {
         on_device.multiply_within((part, channel), &mut vectors, 1)?;
         assert_eq!(vectors.work()?, expected, "{part:?}: the same bits");
     }
-    assert!(GpuMatrix::on(&gpu, &apart())?.vectors(3)?.is_none(), "the rig's matrix is not square");
+    // S P Sᵀ v, with a part of the pixels and their factors.
+    let entries: Vec<usize> = (0..x.len()).filter(|entry| entry % 7 < 3).collect();
+    let factors = signed(&mut Pcg64::seed_from_u64(6), entries.len());
+    let selection = Selection { entries: &entries, factors: &factors };
+    let Some(mut vectors) = on_device.vectors(2, Some(selection))? else { unreachable!("there is room") };
+    let v = signed(&mut Pcg64::seed_from_u64(7), entries.len());
+    vectors.load(&v)?;
+    vectors.push(1.0)?;
+    let (mut pattern, mut photo) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+    entries.iter().zip(&factors).zip(&v).for_each(|((&entry, s), v)| pattern[entry] = s * v);
+    on_device.apply(Part::Global, 0, &pattern, &mut photo)?;
+    // Another product leaves its pattern.
+    on_device.apply(Part::Full, 0, &x, &mut vec![0.0; x.len()])?;
+    on_device.multiply_within((Part::Global, 0), &mut vectors, 0)?;
+    let expected: Vec<f64> = entries.iter().zip(&factors).map(|(&entry, s)| s * photo[entry]).collect();
+    assert_eq!(vectors.work()?, expected, "the same bits");
+    assert_eq!(vectors.product()?, crate::operator::Product { from: pattern, to: photo });
+    let beyond = Selection { entries: &[x.len()], factors: &[1.0] };
+    assert!(
+        on_device.vectors(1, Some(beyond)).is_err()
+            && on_device.vectors(1, Some(Selection { factors: &[], ..beyond })).is_err()
+    );
+    let twice = Selection { entries: &[3, 3], factors: &[1.0; 2] };
+    assert!(on_device.vectors(1, Some(twice)).is_err(), "two factors of one entry");
+    let mut unrelated = DeviceVectors::new(&gpu, x.len(), 1)?;
+    assert!(on_device.multiply_within((Part::Full, 0), &mut unrelated, 0).is_err());
+    assert!(GpuMatrix::on(&gpu, &apart())?.vectors(3, None)?.is_none(), "the rig's matrix is not square");
     Ok(())
 }

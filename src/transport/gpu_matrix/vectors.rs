@@ -9,8 +9,8 @@ use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::gpu::buffers::Results;
 use crate::gpu::pipeline::{Kernel, READ, Step, WRITE};
-use crate::operator::vectors::{is_ordinary, norm_of_square};
-use crate::operator::{Settling, Sums, Vectors};
+use crate::operator::vectors::{is_ordinary, made_elsewhere, norm_of_square};
+use crate::operator::{Product, Selection, Settling, Sums, Vectors};
 
 /// The bytes of a buffer of columns, unless a single column is larger.
 const CHUNK: u64 = 64 << 20;
@@ -45,13 +45,23 @@ pub(in crate::transport) struct DeviceVectors {
     /// The number of columns in each chunk.
     together: usize,
     chunks: Vec<Chunk>,
-    pub(super) work: wgpu::Buffer,
+    work: wgpu::Buffer,
     /// One vector, which is about to become a column, or was one.
     single: wgpu::Buffer,
     coefficients: Coefficients,
     sums: Results,
     divide: Step,
     gather: Step,
+    of: Option<OfProduct>,
+}
+
+/// The pattern and the photo of the last product (`pixels` entries each), and the dispatches that write the entries of a selection to the
+/// pattern and read them from the photo.
+struct OfProduct {
+    pattern: wgpu::Buffer,
+    photo: wgpu::Buffer,
+    pixels: usize,
+    selected: Option<[Step; 2]>,
 }
 
 /// Some columns, and the dispatches that read them.
@@ -63,12 +73,11 @@ struct Chunk {
 }
 
 /// The kernels of `shaders/vectors.wgsl`.
-pub(super) fn kernels(gpu: &Gpu) -> Result<[Kernel; 4]> {
+pub(super) fn kernels(gpu: &Gpu) -> Result<[Kernel; 6]> {
     gpu.kept("vectors", || {
         let buffers = [READ, READ, WRITE, WRITE];
-        Kernel::all(gpu, "vectors", ["remove", "divide", "dots", "gather"], &[], &buffers, |source| {
-            gpu.module("vectors", source)
-        })
+        let entry_points = ["remove", "divide", "dots", "gather", "write_selected", "read_selected"];
+        Kernel::all(gpu, "vectors", entry_points, &[], &buffers, |source| gpu.module("vectors", source))
     })
 }
 
@@ -87,7 +96,7 @@ impl DeviceVectors {
 
     /// Works like [`DeviceVectors::new`], with buffers of at most this many bytes, and of at least one column.
     pub(super) fn in_chunks(gpu: &Gpu, rows: usize, columns: usize, chunk: u64) -> Result<Self> {
-        let [remove, divide, dots, gather] = kernels(gpu)?;
+        let [remove, divide, dots, gather, ..] = kernels(gpu)?;
         let bytes = 8 * rows as u64;
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         let buffer = |label: &str, bytes: u64| gpu.buffer(label, bytes, usage);
@@ -133,11 +142,64 @@ impl DeviceVectors {
             sums,
             divide: divided,
             gather,
+            of: None,
         })
     }
 
+    /// Adds room for a pattern and a photo, of `pixels` entries each. Without a selection, the vectors have as many. Fails as
+    /// [`DeviceVectors::new`].
+    pub(super) fn of_product(self, pixels: usize, selection: Option<Selection<'_>>) -> Result<Self> {
+        let gpu = &self.gpu;
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let buffer = |label| gpu.buffer(label, 8 * pixels as u64, usage);
+        let [pattern, photo] = [buffer("pattern")?, buffer("photo")?];
+        let selected = |Selection { entries, factors }: Selection<'_>| -> Result<[Step; 2]> {
+            let [.., write, read] = kernels(gpu)?;
+            // A matrix has at most 2³² pixels.
+            let entries: Vec<u32> = entries.iter().map(|&entry| entry as u32).collect();
+            let entries = gpu.storage("selected entries", &entries)?;
+            let factors = gpu.storage("factors", factors)?;
+            let part = Part { rows: self.rows as u32, ..Part::default() };
+            let groups = self.rows.div_ceil(INVOCATIONS) as u32;
+            let step =
+                |kernel: &Kernel, from, to| kernel.step(gpu, &part, &[from, &factors, &entries, to], groups);
+            Ok([step(&write, &self.single, &pattern)?, step(&read, &photo, &self.work)?])
+        };
+        let selected = selection.map(selected).transpose()?;
+        Ok(Self { of: Some(OfProduct { pattern, photo, pixels, selected }), ..self })
+    }
+
+    /// The entries of a pattern and of a photo.
+    pub(super) fn pixels(&self) -> usize {
+        self.of.as_ref().map_or(0, |of| of.pixels)
+    }
+
+    /// Records the copy of a column to the pattern, and of the pattern to the beginning of a buffer.
+    pub(super) fn write_pattern(&self, column: usize, to: &wgpu::Buffer, encoder: &mut wgpu::CommandEncoder) {
+        let Some(OfProduct { pattern, pixels, selected, .. }) = &self.of else { return };
+        match selected {
+            Some([write, _]) => {
+                self.copy_column(column, &self.single, encoder);
+                encoder.clear_buffer(pattern, 0, None);
+                Step::record(&self.gpu, "selection", [write], encoder);
+            }
+            None => self.copy_column(column, pattern, encoder),
+        }
+        encoder.copy_buffer_to_buffer(pattern, 0, to, 0, 8 * *pixels as u64);
+    }
+
+    /// Records the copy of a buffer's beginning to the photo, and of the photo to `w`.
+    pub(super) fn read_photo(&self, from: &wgpu::Buffer, encoder: &mut wgpu::CommandEncoder) {
+        let Some(OfProduct { photo, pixels, selected, .. }) = &self.of else { return };
+        encoder.copy_buffer_to_buffer(from, 0, photo, 0, 8 * *pixels as u64);
+        match selected {
+            Some([_, read]) => Step::record(&self.gpu, "selection", [read], encoder),
+            None => encoder.copy_buffer_to_buffer(photo, 0, &self.work, 0, self.bytes()),
+        }
+    }
+
     /// Records a copy of a column to the beginning of a buffer.
-    pub(super) fn copy_column(&self, index: usize, to: &wgpu::Buffer, encoder: &mut wgpu::CommandEncoder) {
+    fn copy_column(&self, index: usize, to: &wgpu::Buffer, encoder: &mut wgpu::CommandEncoder) {
         let (chunk, place) = self.place(index);
         encoder.copy_buffer_to_buffer(chunk, place, to, 0, self.bytes());
     }
@@ -251,6 +313,10 @@ impl Vectors for DeviceVectors {
         self.gpu.fill("vector", &self.work, 0, bytemuck::cast_slice(x))
     }
 
+    fn clear(&mut self) {
+        self.columns = 0;
+    }
+
     fn push(&mut self, divisor: f64) -> Result<()> {
         if self.columns == self.room {
             return Err(Error::device(format!(
@@ -292,6 +358,13 @@ impl Vectors for DeviceVectors {
         }
         let known: Vec<f64> = ahead.iter().take(first).chain(*along).copied().collect();
         self.sweep((0, &known), late, Some(0))
+    }
+
+    fn product(&self) -> Result<Product> {
+        let of = self.of.as_ref().ok_or_else(made_elsewhere)?;
+        let mut both = self.gpu.read_all(&[(&of.pattern, of.pixels), (&of.photo, of.pixels)])?;
+        let to = both.pop().unwrap_or_default();
+        Ok(Product { from: both.pop().unwrap_or_default(), to })
     }
 }
 
