@@ -14,7 +14,7 @@ use super::start::seeded;
 use crate::error::{Error, Result};
 use crate::operator::{Operator, Symmetry, Vectors, check_square};
 
-pub(in crate::krylov) use place::Resident;
+pub(in crate::krylov) use place::{MOST, Resident};
 pub use ritz::{PairStatus, RitzPair, Which, temple_kato};
 pub use step::Step;
 
@@ -202,7 +202,7 @@ impl Factorization {
         Ok(process)
     }
 
-    /// Lets a filter ([`Filter`]) remove noise from the directions of all following steps.
+    /// Lets a filter ([`Filter`]) remove noise from the directions of all following steps whose products have a stated error.
     #[must_use]
     pub fn filtered(self, filter: Filter) -> Self {
         Self { filter: Some(filter), ..self }
@@ -516,7 +516,8 @@ pub struct Filter(Arc<Of>);
 
 impl Filter {
     /// Makes a filter from a function. The function receives the remainder of a product, of length `n`, and the expected share of noise in
-    /// its norm, from 0 to 1. It returns the direction for the next step, of length `n`, or `None` to keep the remainder.
+    /// its norm, above 0 and up to 1. It returns the direction for the next step, of length `n`, or `None` to keep the remainder. It is not
+    /// called for products whose operator states no error.
     pub fn new(of: impl Fn(&[f64], f64) -> Option<Vec<f64>> + Send + Sync + 'static) -> Self {
         Self(Arc::new(of))
     }

@@ -1,11 +1,14 @@
 //! The generalized minimal residual method, and its flexible form.
 
+use std::sync::{Mutex, PoisonError};
+
 use super::system::{System, rotation};
 use super::{Advance, Recurrence, Side, SolveOptions, Solver, ended};
-use crate::error::Result;
-use crate::krylov::basis::{Basis, axpy, norm, orthogonalize};
+use crate::error::{Error, Result};
+use crate::krylov::basis::{Basis, Removed, axpy, norm, orthogonalize, orthogonalized};
 use crate::krylov::completeness::Status;
-use crate::operator::Adjoint;
+use crate::krylov::factor::MOST;
+use crate::operator::{Adjoint, Vectors};
 
 /// GMRES(m): solves `min ‖b − A x‖₂` over the Krylov space, for any square `A` of `n × n`.
 ///
@@ -27,6 +30,11 @@ pub struct Gmres {
     is_hatted: bool,
     restart: usize,
     cycle: Cycle,
+    /// The columns that [`Cycle::basis`] would hold, in the memory of the operator. The mutex is for [`Recurrence::iterate`], which needs
+    /// the vector `w` of a solver that it does not change.
+    resident: Option<Mutex<Box<dyn Vectors>>>,
+    /// Whether the basis may be in the memory of the operator. Preconditioners work on the host.
+    may_reside: bool,
     hat: Vec<f64>,
     /// The largest `‖A M⁻¹ v‖` so far.
     scale: f64,
@@ -61,56 +69,226 @@ impl Gmres {
         let steps = options.products.min(restart).min(n);
         let kept = if flexible || side == Side::Left { steps } else { 0 };
         let is_hatted = !flexible && side == Side::Right && options.preconditioner.is_some();
-        let (cycle, hat) = (Cycle::new(n, steps, kept), vec![0.0; n]);
-        let recurrence = Self { side, flexible, is_hatted, restart, cycle, hat, scale: 0.0, started: false };
+        let recurrence = Self {
+            side,
+            flexible,
+            is_hatted,
+            restart,
+            cycle: Cycle::new(n, steps, kept),
+            resident: None,
+            may_reside: options.preconditioner.is_none() && steps < MOST,
+            hat: vec![0.0; n],
+            scale: 0.0,
+            started: false,
+        };
         Solver::new(system, recurrence)
     }
 
-    fn start(&mut self, system: &System) -> Result<bool> {
+    fn start(&mut self, system: &System, operator: &dyn Adjoint) -> Result<bool> {
         if self.side == Side::Left {
             system.inverse.apply(&system.r, &mut self.hat)?;
         } else {
             self.hat.copy_from_slice(&system.r);
         }
         let length = norm(&self.hat);
-        self.cycle.start(&self.hat, length);
+        let is_ordinary = system.tally.operator_power.unwrap_or(0) == 0;
+        if self.may_reside && is_ordinary && self.resident.is_none() {
+            self.resident = operator.vectors(self.cycle.steps + 1, None)?.map(Mutex::new);
+            self.may_reside = self.resident.is_some();
+        }
+        let resident = self.resident.as_mut().map(|vectors| &mut **own(vectors));
+        self.cycle.start(&self.hat, length, resident)?;
         self.started = length > 0.0;
         Ok(self.started)
     }
 
     /// Overwrites `r`, the cycle's first residual, with the true residual of this cycle's iterate. Takes no product.
-    fn residual(&self, r: &mut [f64]) {
+    fn residual(&self, r: &mut [f64]) -> Result<()> {
         if self.side == Side::Left {
-            self.cycle.combine(true, -1.0, r);
-        } else {
-            self.cycle.residual(r);
+            self.cycle.combine_kept(-1.0, r);
+            return Ok(());
         }
+        r.fill(0.0);
+        self.add(&self.cycle.residual(), r)
+    }
+
+    /// Adds `V y` to `sum`, for the columns of the basis. After an error, `sum` is unchanged.
+    fn add(&self, y: &[f64], sum: &mut [f64]) -> Result<()> {
+        let Some(resident) = &self.resident else {
+            self.cycle.basis.accumulate(0, y, 1.0, sum);
+            return Ok(());
+        };
+        let mut vectors = resident.lock().unwrap_or_else(PoisonError::into_inner);
+        vectors.load(sum)?;
+        vectors.remove(&y.iter().map(|y| -y).collect::<Vec<f64>>())?;
+        sum.copy_from_slice(&vectors.work()?);
+        Ok(())
+    }
+
+    /// Adds the correction of `x` to `sum`, before the preconditioner.
+    fn add_correction(&self, sum: &mut [f64]) -> Result<()> {
+        if self.flexible {
+            self.cycle.combine_kept(1.0, sum);
+            return Ok(());
+        }
+        let mut y = self.cycle.coefficients();
+        // The last basis vector has no coefficient yet.
+        y.resize(self.cycle.width, 0.0);
+        self.add(&y, sum)
     }
 
     /// Ends the cycle. Updates `x` and `r` without a product.
     fn close(&mut self, system: &mut System) -> Result<()> {
-        self.hat.fill(0.0);
-        self.cycle.combine(self.flexible, 1.0, &mut self.hat);
+        let mut correction = std::mem::take(&mut self.hat);
+        correction.fill(0.0);
+        let added = self.add_correction(&mut correction);
+        self.hat = correction;
+        added?;
         if self.is_hatted {
             system.inverse.apply(&self.hat, &mut system.work)?;
         }
+        let mut r = system.r.clone();
+        self.residual(&mut r)?;
+        // Nothing fails from here on.
+        system.r = r;
         axpy(1.0, if self.is_hatted { &system.work } else { &self.hat }, &mut system.x);
-        self.residual(&mut system.r);
         self.started = false;
         Ok(())
     }
+
+    /// Copies the basis to the host's memory, for more steps than were expected.
+    fn download(&mut self) -> Result<()> {
+        let Some(vectors) = &mut self.resident else { return Ok(()) };
+        let vectors = own(vectors);
+        self.cycle.basis.clear();
+        for index in 0..self.cycle.width {
+            self.cycle.basis.push_scaled(&vectors.column(index)?, 1.0);
+        }
+        self.resident = None;
+        self.may_reside = false;
+        Ok(())
+    }
+
+    /// Gives up the basis in the memory of the operator. The cycle begins again on the host.
+    fn leave(&mut self, system: &mut System) {
+        self.resident = None;
+        self.may_reside = false;
+        self.started = false;
+        system.tally.residual = norm(&system.r);
+        system.tally.best = system.tally.residual;
+    }
+
+    /// Takes a step with the basis in the memory of the operator. Returns `None` if the operator is not of ordinary size.
+    fn step_resident(
+        &mut self,
+        system: &mut System,
+        operator: &mut dyn Adjoint,
+        vectors: &mut dyn Vectors,
+    ) -> Result<Option<Advance>> {
+        let Some(start) = system.tally.product_within(operator, vectors, self.cycle.width - 1)? else {
+            return Ok(None);
+        };
+        let length = start.1;
+        let removed = orthogonalized(start, |h| vectors.remove_and_dot(h))?;
+        let left = removed.norm;
+        let Some((residual, is_invariant)) = self.grow(length, removed) else {
+            return Ok(Some(Advance::Ended(SINGULAR)));
+        };
+        if !is_invariant {
+            vectors.push(left).inspect_err(|_| self.cycle.undo())?;
+            self.cycle.width += 1;
+        }
+        Ok(Some(settled(system, residual, is_invariant)))
+    }
+
+    /// Adds a product of this length, which the basis has been removed from, to the cycle. Returns the new residual norm, and whether the space
+    /// is invariant, or `None` if the product adds nothing.
+    fn grow(&mut self, length: f64, removed: Removed) -> Option<(f64, bool)> {
+        // If the vector is in the span of the basis, orthogonalization leaves only rounding errors.
+        let tiny = 10.0 * f64::EPSILON * length;
+        let is_invariant = removed.norm <= tiny;
+        let below = if is_invariant { 0.0 } else { removed.norm };
+        let left = self.cycle.append(removed.coefficients, below, tiny)?;
+        self.scale = self.scale.max(length);
+        if norm(&self.cycle.coefficients()) * self.scale * f64::EPSILON
+            > MEANINGLESS * self.cycle.first_residual()
+        {
+            self.cycle.undo();
+            return None;
+        }
+        Some((left, is_invariant))
+    }
+}
+
+/// The vectors in the mutex of a solver.
+fn own(vectors: &mut Mutex<Box<dyn Vectors>>) -> &mut Box<dyn Vectors> {
+    vectors.get_mut().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Records the residual norm of a step.
+fn settled(system: &mut System, residual: f64, is_invariant: bool) -> Advance {
+    system.tally.residual = residual;
+    system.tally.best = residual;
+    if is_invariant { Advance::Ended(Status::SpaceExhausted) } else { Advance::Continuing }
 }
 
 impl Recurrence for Gmres {
     fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
+        let stepped = self.advance(system, operator);
+        if self.resident.is_some() && matches!(stepped, Err(Error::Device { .. })) {
+            self.leave(system);
+        }
+        stepped
+    }
+
+    fn last_iterate(&mut self, system: &mut System) -> Result<Vec<f64>> {
+        let mut x = system.x.clone();
+        if self.started && self.resident.is_some() {
+            self.add_correction(&mut x).inspect_err(|_| self.leave(system))?;
+            return Ok(x);
+        }
+        Ok(self.iterate(system))
+    }
+
+    fn iterate(&self, system: &System) -> Vec<f64> {
+        let mut x = system.x.clone();
+        // If the memory of the operator or the preconditioner fails, the result is the iterate of the last restart.
+        if self.started && !self.is_hatted {
+            let _ = self.add_correction(&mut x);
+        } else if self.started {
+            let (mut sum, mut hat) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+            let made = self.add_correction(&mut sum).and_then(|()| system.inverse.apply(&sum, &mut hat));
+            if made.is_ok() {
+                axpy(1.0, &hat, &mut x);
+            }
+        }
+        x
+    }
+}
+
+impl Gmres {
+    fn advance(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
         if system.open(operator)? {
             return Ok(Advance::Continuing);
         }
         if self.started && self.cycle.len() >= self.restart {
             self.close(system)?;
         }
-        if !self.started && !self.start(system)? {
+        if !self.started && !self.start(system, operator)? {
             return ended(Status::ReachedTolerance);
+        }
+        if self.cycle.width > self.cycle.steps {
+            self.download()?;
+        }
+        if let Some(mut vectors) = self.resident.take() {
+            let stepped = self.step_resident(system, operator, &mut **own(&mut vectors));
+            self.resident = Some(vectors);
+            return stepped.map(|advance| {
+                advance.unwrap_or_else(|| {
+                    self.leave(system);
+                    Advance::Continuing
+                })
+            });
         }
         let Some(v) = self.cycle.basis.columns().last() else {
             return ended(Status::SpaceExhausted);
@@ -132,61 +310,41 @@ impl Recurrence for Gmres {
         };
         let length = norm(w);
         let removed = orthogonalize(&self.cycle.basis, w);
-        // If the vector is in the span of the basis, orthogonalization leaves only rounding errors.
-        let tiny = 10.0 * f64::EPSILON * length;
-        let invariant = removed.norm <= tiny;
-        let below = if invariant { 0.0 } else { removed.norm };
-        let Some(left) = self.cycle.append(removed.coefficients, below, tiny) else {
+        let below = removed.norm;
+        let Some((left, is_invariant)) = self.grow(length, removed) else {
             return ended(SINGULAR);
         };
-        self.scale = self.scale.max(length);
-        if norm(&self.cycle.coefficients()) * self.scale * f64::EPSILON
-            > MEANINGLESS * self.cycle.first_residual()
-        {
-            self.cycle.undo();
-            return ended(SINGULAR);
-        }
         if self.flexible {
             self.cycle.kept.push_scaled(&self.hat, 1.0);
         } else if !right {
             self.cycle.kept.push_scaled(&system.work, 1.0);
         }
-        if !invariant {
-            self.cycle.basis.push_scaled(if right { &system.work } else { &self.hat }, removed.norm);
+        if !is_invariant {
+            self.cycle.basis.push_scaled(if right { &system.work } else { &self.hat }, below);
+            self.cycle.width += 1;
         }
         let residual = if right {
             left
         } else {
             let mut r = std::mem::take(&mut self.hat);
             r.copy_from_slice(&system.r);
-            self.residual(&mut r);
+            let found = self.residual(&mut r);
             self.hat = r;
+            found?;
             norm(&self.hat)
         };
-        system.tally.residual = residual;
-        system.tally.best = residual;
-        Ok(if invariant { Advance::Ended(Status::SpaceExhausted) } else { Advance::Continuing })
-    }
-
-    fn iterate(&self, system: &System) -> Vec<f64> {
-        let mut x = system.x.clone();
-        if self.started && !self.is_hatted {
-            self.cycle.combine(self.flexible, 1.0, &mut x);
-        } else if self.started {
-            let (mut sum, mut hat) = (vec![0.0; x.len()], vec![0.0; x.len()]);
-            self.cycle.combine(self.flexible, 1.0, &mut sum);
-            // If the preconditioner fails, the result is the iterate of the last restart.
-            if system.inverse.apply(&sum, &mut hat).is_ok() {
-                axpy(1.0, &hat, &mut x);
-            }
-        }
-        x
+        Ok(settled(system, residual, is_invariant))
     }
 }
 
 /// A cycle that starts from a residual `r_0`. It has an orthonormal basis `V`, and factors `H = Qᵀ R` by Givens rotations.
 struct Cycle {
+    /// Empty if the basis is in the memory of the operator.
     basis: Basis,
+    /// The number of columns of the basis.
+    width: usize,
+    /// The largest number of steps.
+    steps: usize,
     /// The vectors `M⁻¹ v_j` if flexible, the products `A v_j` if preconditioned on the left, and otherwise empty.
     kept: Basis,
     /// The columns of `R`, upper triangular.
@@ -201,27 +359,38 @@ impl Cycle {
     fn new(n: usize, steps: usize, kept: usize) -> Self {
         let mut cycle = Self {
             basis: Basis::new(n),
+            width: 0,
+            steps,
             kept: Basis::new(n),
             triangle: Vec::new(),
             rotations: Vec::new(),
             rotated: Vec::new(),
         };
-        cycle.basis.reserve(steps + 1);
         cycle.kept.reserve(kept);
         cycle
     }
 
-    /// Starts from `r`, whose norm is `length`. The memory is reused.
-    fn start(&mut self, r: &[f64], length: f64) {
+    /// Starts from `r`, whose norm is `length`. The memory is reused. Fails as the memory of `resident` vectors.
+    fn start(&mut self, r: &[f64], length: f64, resident: Option<&mut dyn Vectors>) -> Result<()> {
         self.clear();
         self.rotated.push(length);
-        if length > 0.0 {
-            self.basis.push_scaled(r, length);
+        if length == 0.0 {
+            return Ok(());
         }
+        self.width = 1;
+        let Some(vectors) = resident else {
+            self.basis.reserve(self.steps + 1);
+            self.basis.push_scaled(r, length);
+            return Ok(());
+        };
+        vectors.clear();
+        vectors.load(r)?;
+        vectors.push(length)
     }
 
     fn clear(&mut self) {
         self.basis.clear();
+        self.width = 0;
         self.kept.clear();
         self.triangle.clear();
         self.rotations.clear();
@@ -281,17 +450,15 @@ impl Cycle {
         y
     }
 
-    /// Adds `sign · Σ y_j v_j` to `sum`, over the basis vectors or the kept vectors.
-    fn combine(&self, of_kept: bool, sign: f64, sum: &mut [f64]) {
-        let columns = if of_kept { &self.kept } else { &self.basis };
+    /// Adds `sign · Σ y_j w_j` to `sum`, over the kept vectors `w`.
+    fn combine_kept(&self, sign: f64, sum: &mut [f64]) {
         let mut y = self.coefficients();
-        // The last basis vector has no coefficient yet.
-        y.resize(columns.len(), 0.0);
-        columns.accumulate(0, &y, sign, sum);
+        y.resize(self.kept.len(), 0.0);
+        self.kept.accumulate(0, &y, sign, sum);
     }
 
-    /// `r ← V Qᵀ (0 … 0, ρ)`, the residual of this cycle's iterate. The inverse rotations are applied from last to first.
-    fn residual(&self, r: &mut [f64]) {
+    /// `Qᵀ (0 … 0, ρ)`, the residual of this cycle's iterate on the basis. The inverse rotations are applied from last to first.
+    fn residual(&self) -> Vec<f64> {
         let count = self.triangle.len();
         let mut coordinates = vec![0.0; count + 1];
         coordinates[count] = self.rotated[count];
@@ -301,8 +468,7 @@ impl Cycle {
             coordinates[k + 1] = c * below;
         }
         // If the space is invariant, there is no last basis vector, and the residual has no component along it.
-        coordinates.truncate(self.basis.len());
-        r.fill(0.0);
-        self.basis.accumulate(0, &coordinates, 1.0, r);
+        coordinates.truncate(self.width);
+        coordinates
     }
 }

@@ -165,7 +165,8 @@ pub struct Solution {
 ///
 /// # Errors
 /// The errors of [`Solver::step`]. The solver then holds all steps up to the product that failed: its [`solution`](Solver::solution) is
-/// valid, and another call continues from there.
+/// valid, and another call continues from there. If the operator holds the vectors ([`Operator::vectors`]) and its memory fails, GMRES holds
+/// the steps up to its last restart.
 pub fn solve_from(
     solver: &mut Solver,
     operator: &mut dyn Adjoint,
@@ -214,7 +215,7 @@ pub fn solve_from(
         }
     };
     let tally = solver.tally();
-    let x = solver.solution();
+    let x = solver.last_solution()?;
     let size = norm(&x);
     if !size.is_finite() || size < f64::MIN_POSITIVE / f64::EPSILON && tally.best < tally.rhs_norm {
         let (what, help) = if size < 1.0 { ("small", "multiply") } else { ("large", "divide") };
@@ -247,7 +248,7 @@ impl ForwardOnly<'_> {
 }
 
 impl Operator for ForwardOnly<'_> {
-    delegate!(0: rows, cols, symmetry, apply, block_size, observer, standard_errors, frames);
+    delegate!(0: rows, cols, symmetry, apply, block_size, observer, standard_errors, frames, vectors);
 }
 
 impl Adjoint for ForwardOnly<'_> {
@@ -279,7 +280,7 @@ impl Solver {
     ///
     /// # Errors
     /// The error of the product, and [`Error::Numerical`] for a product that holds NaN. The state is then as before the step, and the step
-    /// can be taken again with bitwise equal results. [`Error::Dimension`] if the operator does not fit. [`Error::Numerical`] if the method
+    /// can be taken again with bitwise equal results, unless the memory of the operator held the vectors and failed. [`Error::Dimension`] if the operator does not fit. [`Error::Numerical`] if the method
     /// needs a symmetric operator and this operator is not declared symmetric. The error of the preconditioner; in this case a product may
     /// be lost.
     pub fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
@@ -299,6 +300,12 @@ impl Solver {
         self.system.tally()
     }
 
+    /// As [`Solver::solution`]. Fails with the error of the memory in which the vectors are.
+    fn last_solution(&mut self) -> Result<Vec<f64>> {
+        let x = self.recurrence.last_iterate(&mut self.system)?;
+        Ok(self.system.undivided(x))
+    }
+
     /// The best iterate so far, of length `cols`. Its residual norm is [`Tally::best`]. Takes no product.
     pub fn solution(&self) -> Vec<f64> {
         self.system.undivided(self.recurrence.iterate(&self.system))
@@ -313,6 +320,11 @@ pub(crate) trait Recurrence: Send {
     /// The best iterate so far, in the units of the system.
     fn iterate(&self, system: &System) -> Vec<f64> {
         system.best.clone()
+    }
+
+    /// As [`Recurrence::iterate`]. If the iterate cannot be read, the state goes back to an earlier one.
+    fn last_iterate(&mut self, system: &mut System) -> Result<Vec<f64>> {
+        Ok(self.iterate(system))
     }
 }
 

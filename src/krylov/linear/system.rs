@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::krylov::basis::{norm, update, update2};
 use crate::krylov::powers::{exponent, finite_norm, power, scale, scaled};
 use crate::krylov::precondition::Preconditioner;
-use crate::operator::Adjoint;
+use crate::operator::{Adjoint, Sums, Vectors};
 
 /// A solver's progress. Reading it takes no product.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,18 +85,47 @@ impl Tally {
             }
         }
         let length = finite_norm(&format!("product {} with the operator", self.products + 1), product)?;
-        self.products += 1;
-        let error = operator.standard_error();
-        if error > 0.0 && length > 0.0 {
-            let noise = error / length;
-            self.noise = if self.noise > 0.0 { self.noise.min(noise) } else { noise };
-        }
+        self.count(length, operator.standard_error());
         if length > 0.0 {
             self.operator_power.get_or_insert(power(exponent(length) - (size - shift)));
         }
         self.multiplied = shift - self.operator_power.unwrap_or(0);
         scale(product, self.multiplied);
         Ok(())
+    }
+
+    /// Takes `w = A v` for column `v`, of norm 1, of vectors in the memory of the operator, and counts it. Returns `Vᵀ w` and `‖w‖`, or
+    /// `None` if the operator is not of ordinary size.
+    pub(crate) fn product_within(
+        &mut self,
+        operator: &mut dyn Adjoint,
+        vectors: &mut dyn Vectors,
+        column: usize,
+    ) -> Result<Option<Sums>> {
+        operator.apply_within(vectors, column)?;
+        let (dots, length) = vectors.dots_and_norm(0)?;
+        if !length.is_finite() {
+            let fault = format!("product {} with the operator holds a NaN or an infinity", self.products + 1);
+            return Err(Error::Numerical(fault));
+        }
+        self.count(length, operator.standard_error());
+        if self.operator_power.is_none() && length > 0.0 {
+            if power(exponent(length)) != 0 {
+                return Ok(None);
+            }
+            self.operator_power = Some(0);
+        }
+        self.multiplied = 0;
+        Ok(Some((dots, length)))
+    }
+
+    /// Counts a product of this length and standard error.
+    fn count(&mut self, length: f64, error: f64) {
+        self.products += 1;
+        if error > 0.0 && length > 0.0 {
+            let noise = error / length;
+            self.noise = if self.noise > 0.0 { self.noise.min(noise) } else { noise };
+        }
     }
 
     /// The standard error of the last product, scaled by the same power of two as the product.
