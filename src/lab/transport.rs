@@ -1,5 +1,6 @@
 //! The light transport of an open source. It computes every photo, and every product with a part of the matrix.
 
+mod engine;
 mod opening;
 mod spanned;
 
@@ -8,22 +9,19 @@ use std::sync::Arc;
 
 use super::measured::MeasuredRig;
 use super::run_model::open_model;
-use super::source::{ExplicitParts, ModelParts, SceneSource};
+use super::source::ModelParts;
 use super::{
     Log, SharedObserver, layout,
     notes::{self, product_name},
 };
-use crate::analysis::LowRank;
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::io::sparse::ProductNoise;
 use crate::journal::{Journal, Key};
 use crate::measure::RigRecord;
 use crate::operator::{Adjoint, Direction, Operator, Product, Selection, Symmetry, Vectors};
-use crate::transport::{
-    Assembled, Bounces, Channels, EstimatedOperator, JournaledOperator, Part, Retraced, RetracedOperator,
-    Transport, pooled,
-};
+use crate::transport::{Assembled, Bounces, JournaledOperator, Part, pooled};
+use engine::{Engine, Retracing};
 pub(super) use opening::{product_noise, require_photo_memory};
 use spanned::Spanned;
 
@@ -49,72 +47,6 @@ pub(super) struct Shape {
     pub(super) channels: usize,
     /// The number of products that, computed together, take about as long as one product.
     pub(super) block_size: usize,
-}
-
-/// The engine that provides photos.
-enum Engine {
-    /// Products with a traced matrix.
-    Replayed(Arc<Assembled>),
-    /// A scene that is traced for each photo. The photos equal those of `Replayed`, up to rounding.
-    Retraced(Retracing),
-    /// A rig, or the photos of a rig that a run took.
-    Measured(Box<MeasuredRig>),
-    Explicit(Box<ExplicitParts>),
-    Model(Box<ModelParts>),
-    /// No engine, since every photo is in the journal.
-    JournalOnly,
-}
-
-struct Retracing {
-    scene: Box<SceneSource>,
-    channels: Channels,
-    /// Whether the errors of products are known.
-    states_errors: bool,
-}
-
-impl Retracing {
-    fn with<T>(&self, work: impl FnOnce(Retraced<'_>) -> T) -> T {
-        let mut tracer = self.scene.tracer();
-        work(Retraced { tracer: &mut tracer, settings: self.scene.settings, channels: self.channels })
-    }
-}
-
-impl Engine {
-    /// Calls `work` with the operator of one part and channel.
-    fn with_operator<T>(
-        &mut self,
-        part: Part,
-        channel: usize,
-        work: impl FnOnce(&mut dyn Adjoint) -> Result<T>,
-    ) -> Result<T> {
-        match self {
-            Self::Replayed(traced) => work(&mut traced.operator(part, channel)),
-            Self::Retraced(scene) if scene.states_errors => {
-                scene.with(|retraced| work(&mut EstimatedOperator::new(retraced, part, channel)))
-            }
-            Self::Retraced(scene) => {
-                scene.with(|retraced| work(&mut RetracedOperator { retraced, part, channel }))
-            }
-            Self::Measured(rig) => work(&mut rig.measurement.operator(part, channel)),
-            Self::Explicit(parts) => work(parts.operator(part, channel)?),
-            Self::Model(parts) => work(&mut parts.operator(part, channel)),
-            Self::JournalOnly => Err(Error::Interrupted),
-        }
-    }
-
-    fn photograph(&mut self, pattern: &Image) -> Result<Image> {
-        match self {
-            Self::Replayed(traced) => traced.photograph(pattern),
-            Self::Retraced(scene) => scene.with(|mut retraced| retraced.photograph(pattern)),
-            Self::Measured(rig) => rig.measurement.photograph(pattern)?.to_image(),
-            Self::Explicit(parts) => parts.photograph(pattern),
-            Self::Model(parts) => {
-                let none: Option<&mut [LowRank]> = None;
-                Ok(parts.model.relight("", pattern.clone(), none)?.relit)
-            }
-            Self::JournalOnly => Err(Error::Interrupted),
-        }
-    }
 }
 
 impl LightTransport {
@@ -295,17 +227,19 @@ impl LightTransport {
             if !is_missing || direction != Direction::Forward {
                 return replayed;
             }
+            let mut errors = Vec::new();
             for (x, y) in xs.iter().zip(ys) {
                 let mut operator = JournaledOperator::replay(journal, name, size, shape.symmetry);
                 if operator.apply(x, y).is_ok() {
+                    errors.push(0.0);
                     continue;
                 }
-                let is_known = Spanned::of(spanned, journal, (part, channel))?.product(x, y);
-                if !is_known {
+                let Some(error) = Spanned::of(spanned, journal, (part, channel))?.product(x, y) else {
                     return replayed;
-                }
+                };
+                errors.push(error);
             }
-            return Ok(Vec::new());
+            return Ok(if errors.iter().any(|error| *error > 0.0) { errors } else { Vec::new() });
         }
         let known = journal.damages().len();
         let taken = engine.with_operator(part, channel, |inner| {

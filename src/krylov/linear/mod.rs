@@ -6,6 +6,7 @@
 
 mod biconjugate;
 mod bidiagonal;
+mod cycle;
 mod gmres;
 mod symmetric;
 mod system;
