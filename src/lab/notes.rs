@@ -14,8 +14,8 @@ pub(super) const RIG_FILE: &str = "rig file";
 pub(super) const TRUTH: &str = "truth";
 pub(super) const DIRECT: &str = "direct light";
 pub(super) const NOISE: &str = "noise of products";
-/// In the journal of a run that began with products on a device.
-pub(super) const ON_DEVICE: &str = "products on a device";
+/// In the journal of a run whose vectors were on a device.
+pub(super) const ON_DEVICE: &str = "vectors on a device";
 
 pub(super) fn product_name(part: Part, channel: usize) -> String {
     format!("{part:?}, channel {channel}")

@@ -33,8 +33,8 @@ pub(super) struct LightTransport {
     run: Option<PathBuf>,
     /// The products that follow from these photos by linearity.
     spanned: Vec<Spanned>,
-    /// Whether the vectors of the run that the journal keeps may be on the device.
-    began_on_device: bool,
+    /// Whether vectors may be on the device. A run that began with vectors on the host goes on with them.
+    may_reside: bool,
     shape: Shape,
     observer: SharedObserver,
 }
@@ -125,6 +125,7 @@ impl LightTransport {
             found => return found,
         };
         let Some(folder) = self.run.take() else { return Err(missing) };
+        self.spanned = Vec::new();
         let model = open_model(&folder, &self.observer)?;
         self.observer.note(format_args!(
             "note: not every photo that this asks for was taken: a model of rank {} of the run's photos answers, and what they leave open counts as its error; to take them, ask the rig or the scene itself",
@@ -132,7 +133,6 @@ impl LightTransport {
         ));
         self.engine = Engine::Model(Box::new(ModelParts::new(model)?));
         self.journal = None;
-        self.spanned = Vec::new();
         ask(self)
     }
 
@@ -155,14 +155,15 @@ impl LightTransport {
     /// Vectors where the products of one part and channel are computed ([`Operator::vectors`]). A run that began with vectors in the host's
     /// memory goes on with them, so that its patterns are those in its journal.
     pub(super) fn vectors(
-        &self,
+        &mut self,
         (part, channel): (Part, usize),
         columns: usize,
         selection: Option<Selection<'_>>,
     ) -> Result<Option<Box<dyn Vectors>>> {
         match &self.engine {
-            Engine::Replayed(traced) if self.journal.is_none() || self.began_on_device => {
+            Engine::Replayed(traced) if self.may_reside => {
                 let made = traced.operator(part, channel).vectors(columns, selection)?;
+                self.may_reside = made.is_some();
                 if made.is_none() && traced.is_on_gpu() && self.shape.photos == self.shape.patterns {
                     self.observer.note(format_args!(
                         "note: the device has no room for {columns} vectors, which stay in the memory of the processor"
@@ -174,8 +175,8 @@ impl LightTransport {
         }
     }
 
-    /// A product with such vectors ([`Operator::apply_within`]). It is in the journal before it is returned. `None` if there is no journal and
-    /// the product need not be `seen`.
+    /// A product with such vectors ([`Operator::apply_within`]). It is in the journal before it is returned. Returns `None` if there is no
+    /// journal and the product need not be `seen`.
     pub(super) fn product_within(
         &mut self,
         ((part, channel), is_confirming): ((Part, usize), bool),
@@ -193,6 +194,9 @@ impl LightTransport {
             let of = (part, channel);
             let name = if is_confirming { confirming_name(of) } else { product_name(part, channel) };
             let known = journal.damages().len();
+            if journal.read_note(notes::ON_DEVICE)?.is_none() {
+                journal.note(notes::ON_DEVICE, &[])?;
+            }
             JournaledOperator::keep(journal, name, &product)?;
             warn_of_new_damages(journal, known, observer);
         }
@@ -227,19 +231,17 @@ impl LightTransport {
             if !is_missing || direction != Direction::Forward {
                 return replayed;
             }
-            let mut errors = Vec::new();
             for (x, y) in xs.iter().zip(ys) {
-                let mut operator = JournaledOperator::replay(journal, name, size, shape.symmetry);
-                if operator.apply(x, y).is_ok() {
-                    errors.push(0.0);
-                    continue;
+                match JournaledOperator::replay(journal, name, size, shape.symmetry).apply(x, y) {
+                    Err(Error::NotTaken { .. }) => {}
+                    Err(error) => return Err(error),
+                    Ok(()) => continue,
                 }
-                let Some(error) = Spanned::of(spanned, journal, (part, channel))?.product(x, y) else {
+                if !Spanned::of(spanned, journal, (part, channel))?.product(x, y) {
                     return replayed;
-                };
-                errors.push(error);
+                }
             }
-            return Ok(if errors.iter().any(|error| *error > 0.0) { errors } else { Vec::new() });
+            return Ok(Vec::new());
         }
         let known = journal.damages().len();
         let taken = engine.with_operator(part, channel, |inner| {

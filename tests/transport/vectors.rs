@@ -366,7 +366,9 @@ fn a_segmentation_keeps_its_vectors_on_the_device() {
         // White, and the pattern of the mask if it hides light.
         assert!(watched.with_host <= 2 && watched.within > 8, "{name}: {}", watched.with_host);
         assert_eq!(photos, photos_within, "{name}");
-        assert_eq!(host.labels, device.labels, "{name}: each pixel is in its group");
+        let [labels, others] = [&host, &device].map(|found| &found.labels[0].1);
+        let apart = labels.iter().zip(others).filter(|(host, device)| host != device).count();
+        assert!(apart <= labels.len() / 500, "{name}: {apart} pixels are in other groups");
         for (host, device) in host.eigenvalues.iter().zip(&device.eigenvalues) {
             // The tolerance of a segmentation's eigenvalues.
             assert!((host - device).abs() < 1e-3 * host.abs(), "{name}: {host} {device}");
@@ -376,10 +378,10 @@ fn a_segmentation_keeps_its_vectors_on_the_device() {
     }
 }
 
-/// A laboratory with a run's folder whose products are computed on the device.
-fn lab_in(folder: &Path, resume: bool, observer: impl Into<SharedObserver>) -> Lab {
+/// A laboratory with a run's folder.
+fn lab_in(folder: &Path, backend: Backend, resume: bool, observer: impl Into<SharedObserver>) -> Lab {
     let mut settings = Settings::default();
-    settings.operator.backend = Backend::Gpu;
+    settings.operator.backend = backend;
     let builder = Lab::builder("assets/scenes/cornell/scene.glb").settings(settings).size(24, 24).samples(24);
     builder.run(run_options(folder, resume)).observer(observer).open().expect("the scene is there")
 }
@@ -404,7 +406,7 @@ fn the_photos_of_a_run_on_the_device_answer_a_machine_without_it() {
     let run = folder.path().join("run");
     let mut options = asked(EigsMethod::Lanczos, 40);
     let on_device = {
-        let mut lab = lab_in(&run, false, Arc::new(Listener::default()));
+        let mut lab = lab_in(&run, Backend::Gpu, false, Arc::new(Listener::default()));
         let mut operator = lab.operator(Part::Global).expect("the scene is traced");
         assert!(operator.vectors(2, None).expect("the device works").is_some());
         eigs(&mut operator, &options).expect("the process finds pairs")
@@ -424,6 +426,7 @@ fn the_photos_of_a_run_on_the_device_answer_a_machine_without_it() {
         Completeness::Confirmed(confirmed) => confirmed.limits,
         other => unreachable!("{other:?}"),
     });
+    assert!(excluded[1].is_some() && excluded_again[1].is_some());
     for (limit, again) in excluded.iter().flatten().zip(excluded_again.iter().flatten()) {
         assert!(
             (limit - again).abs() < 1e-9 * limit,
@@ -443,15 +446,24 @@ fn the_photos_of_a_run_on_the_device_answer_a_machine_without_it() {
 fn a_run_on_the_device_that_was_stopped_goes_on_to_the_same_bits() {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let options = asked(EigsMethod::Lanczos, 30);
-    let take = |name: &str, resume: bool, until: usize| {
+    let take = |name: &str, backend: Backend, resume: bool, until: usize| {
         let observer = Arc::new(Until(until, AtomicUsize::new(0)));
-        let mut lab = lab_in(&folder.path().join(name), resume, observer);
-        eigs(&mut lab.operator(Part::Global).expect("the scene is traced"), &options)
+        let mut lab = lab_in(&folder.path().join(name), backend, resume, observer);
+        let mut operator = lab.operator(Part::Global).expect("the scene is traced");
+        let is_within = operator.vectors(2, None).expect("the device works").is_some();
+        eigs(&mut operator, &options).map(|found| (found, is_within))
     };
-    let whole = take("whole", false, usize::MAX).expect("30 photos");
-    assert!(matches!(take("stopped", false, 9), Err(Error::Interrupted)));
-    let resumed = take("stopped", true, usize::MAX).expect("the other photos");
-    assert_eq!(bits(&whole), bits(&resumed));
+    let (whole, is_within) = take("whole", Backend::Gpu, false, usize::MAX).expect("30 photos");
+    assert!(is_within);
+    for (name, begins, goes_on_within) in
+        [("stopped", Backend::Gpu, true), ("begun on the host", Backend::Cpu, false)]
+    {
+        assert!(matches!(take(name, begins, false, 9), Err(Error::Interrupted)));
+        let (resumed, is_within) = take(name, Backend::Gpu, true, usize::MAX).expect("the other photos");
+        assert_eq!(is_within, goes_on_within, "{name}");
+        assert!(!goes_on_within || bits(&whole) == bits(&resumed), "{name}: the same bits");
+        assert_same(&whole, &resumed, name);
+    }
     let photos = |name: &str| {
         let journal = Journal::read_only(&folder.path().join(name).join("journal")).expect("a journal");
         let keys: Vec<_> = journal
@@ -463,6 +475,7 @@ fn a_run_on_the_device_that_was_stopped_goes_on_to_the_same_bits() {
         keys
     };
     assert_eq!(photos("whole"), photos("stopped"), "no photo is kept twice");
+    assert_eq!(photos("whole").len(), photos("begun on the host").len());
 }
 
 /// A right-hand side with a solution, the photo of a ramp.
@@ -556,7 +569,11 @@ fn gmres_goes_on_after_more_products_are_allowed_and_after_its_device_failed() {
             let options = SolveOptions { products: 80, ..options.clone() };
             let found =
                 solve_from(&mut solver, &mut ForwardOnly(&mut watched), &options).expect("80 products");
-            assert!(watched.with_host > 0 && found.residual < 1.01 * at_once.residual, "{}", found.residual);
+            assert!(
+                watched.with_host > 0 && found.residual < 1.01 * at_once.residual.max(more.rtol),
+                "{}",
+                found.residual
+            );
             failures += 1;
         }
         assert!(failures >= fewest, "{failures}");

@@ -23,7 +23,7 @@ pub(super) struct Cycle {
 }
 
 impl Cycle {
-    /// Makes an empty cycle with memory for `steps` steps and `kept` vectors to keep, so that no step allocates.
+    /// Makes an empty cycle for at most `steps` steps and `kept` vectors to keep. No step allocates long vectors.
     pub(super) fn new(n: usize, steps: usize, kept: usize) -> Self {
         let mut cycle = Self {
             basis: Basis::new(n),

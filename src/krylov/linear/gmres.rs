@@ -17,7 +17,7 @@ use crate::operator::{Adjoint, Vectors};
 /// (`M⁻¹ A x = M⁻¹ b`), it minimizes `‖M⁻¹ r‖`. It then also keeps the products, to report the true residual without a further product. The
 /// flexible form ([`Gmres::flexible`], FGMRES) keeps each preconditioned vector, and `M` may differ from step to step.
 ///
-/// `‖r‖` (or `‖M⁻¹ r‖` with the preconditioner on the left) falls monotonically, also across restarts. The method needs no transpose. A
+/// `‖r‖` (or `‖M⁻¹ r‖` with the preconditioner on the left) falls monotonically, also across restarts, unless the memory of the operator fails. The method needs no transpose. A
 /// step takes one product; a restart takes no product. The basis is orthonormal to working precision. The method ends with
 /// [`Status::Breakdown`] if the Krylov space is invariant and contains no solution (a singular `A`). After `k` steps since the last
 /// restart, the method stores `k + 1` basis vectors; `k` more if flexible or preconditioned on the left; `b, x, r` and three work vectors.
@@ -148,10 +148,13 @@ impl Gmres {
         if self.is_hatted {
             system.inverse.apply(&self.hat, &mut system.work)?;
         }
-        let mut r = system.r.clone();
-        self.residual(&mut r)?;
-        // Nothing fails from here on.
-        system.r = r;
+        if self.resident.is_some() {
+            // After an error, `r` is as before. The work vector is free, because there is no preconditioner.
+            self.residual(&mut system.work)?;
+            std::mem::swap(&mut system.r, &mut system.work);
+        } else {
+            self.residual(&mut system.r)?;
+        }
         axpy(1.0, if self.is_hatted { &system.work } else { &self.hat }, &mut system.x);
         self.started = false;
         Ok(())
@@ -277,6 +280,9 @@ impl Gmres {
         }
         if !self.started && !self.start(system, operator)? {
             return ended(Status::ReachedTolerance);
+        }
+        if self.cycle.width == self.cycle.len() {
+            return ended(Status::SpaceExhausted);
         }
         if self.cycle.width > self.cycle.steps {
             self.download()?;

@@ -281,7 +281,8 @@ impl Solver {
     ///
     /// # Errors
     /// The error of the product, and [`Error::Numerical`] for a product that holds NaN. The state is then as before the step, and the step
-    /// can be taken again with bitwise equal results, unless the memory of the operator held the vectors and failed. [`Error::Dimension`] if the operator does not fit. [`Error::Numerical`] if the method
+    /// can be taken again with bitwise equal results. If the memory of the operator held the vectors of GMRES and failed, the state is that
+    /// of the last restart. [`Error::Dimension`] if the operator does not fit. [`Error::Numerical`] if the method
     /// needs a symmetric operator and this operator is not declared symmetric. The error of the preconditioner; in this case a product may
     /// be lost.
     pub fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {

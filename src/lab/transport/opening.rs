@@ -73,7 +73,7 @@ impl LightTransport {
             journal: None,
             run: None,
             spanned: Vec::new(),
-            began_on_device: false,
+            may_reside: true,
             shape,
             observer: observer.clone(),
         }
@@ -162,14 +162,10 @@ impl LightTransport {
     /// Stores the direct light, the noise and the ambient light of a traced scene in the journal. The run's folder then suffices to relight
     /// the scene.
     fn keep_known(&mut self) -> Result<()> {
-        let Self { engine: Engine::Replayed(traced), journal: Some(journal), began_on_device, .. } = self
-        else {
+        let Self { engine: Engine::Replayed(traced), journal: Some(journal), may_reside, .. } = self else {
             return Ok(());
         };
-        if traced.is_on_gpu() && journal.photos() == 0 {
-            journal.note(notes::ON_DEVICE, &[])?;
-        }
-        *began_on_device = journal.read_note(notes::ON_DEVICE)?.is_some();
+        *may_reside = journal.photos() == 0 || journal.read_note(notes::ON_DEVICE)?.is_some();
         if let Some(direct) = direct_diagonal(traced) {
             let bytes: Vec<u8> = direct.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
             journal.note(notes::DIRECT, &bytes)?;

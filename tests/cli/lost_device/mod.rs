@@ -148,8 +148,8 @@ fn a_device_without_memory_is_an_error_that_says_what_needs_less() {
         assert!(at == 1 || (message.contains("MiB") && says_what_helps), "{message}");
         refused += 1;
     }
-    // There is no room to trace, for one.
-    assert!(refused > 2, "{refused} of {calls}");
+    // There is no room to open the device, for one.
+    assert!(refused > 0, "{refused} of {calls}");
 }
 
 /// The two numbers at the end of an array's file.
