@@ -51,7 +51,7 @@ impl Csr {
     /// Makes the matrix with `cols` columns whose rows have these entries: columns, which ascend strictly, and their values.
     ///
     /// # Errors
-    /// As [`Csr::new`].
+    /// The errors of [`Csr::new`].
     pub(crate) fn of_rows<R: IntoIterator<Item = (u32, f64)>>(
         cols: usize,
         rows: impl IntoIterator<Item = R>,

@@ -176,7 +176,7 @@ impl SeparateBy {
         self.measure_by_map(operator, (resolution, None), seed)
     }
 
-    /// As [`Self::measure`]. With homes, the operator is `m × n`, and the method must fit lines, as the first three do.
+    /// Works like [`Self::measure`]. With homes, the operator is `m × n`, and the method must fit lines, as the first three do.
     fn measure_by_map(
         self,
         operator: &mut dyn Operator,

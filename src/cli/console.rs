@@ -65,7 +65,7 @@ impl Console {
     /// Writes a text that is itself the result, such as a script, unchanged on stdout. With `--json`, the summary contains it instead.
     ///
     /// # Errors
-    /// As [`Self::say`].
+    /// The errors of [`Self::say`].
     pub(super) fn print(&self, text: &str) -> Result<()> {
         if self.json {
             return Ok(());
@@ -76,7 +76,7 @@ impl Console {
     /// Writes the machine-readable summary on stdout. Without `--json`, nothing is written.
     ///
     /// # Errors
-    /// As [`Self::say`].
+    /// The errors of [`Self::say`].
     pub(super) fn summary(&self, summary: &serde_json::Value) -> Result<()> {
         if !self.json {
             return Ok(());
@@ -122,7 +122,7 @@ impl Console {
         }
     }
 
-    /// As [`Self::check`], but a stop is returned as an error.
+    /// Works like [`Self::check`], but a stop is returned as an error.
     ///
     /// # Errors
     /// [`Error::Interrupted`].

@@ -69,7 +69,7 @@ pub(super) fn in_run<T>(
     outcome
 }
 
-/// As [`in_run`], for verbs that write single files. There is a run only if `--journal` names its folder, which only a rig accepts.
+/// Works like [`in_run`], for verbs that write single files. There is a run only if `--journal` names its folder, which only a rig accepts.
 pub(super) fn in_journal<T>(
     lab: &mut Lab,
     keep: &KeepArgs,

@@ -18,7 +18,7 @@ pub(super) struct SourceArgs {
     pub(super) view: ViewArgs,
 }
 
-/// Where a run leaves its folder.
+/// The place of a run's folder.
 #[derive(Args)]
 pub(super) struct RunArgs {
     /// Where the run goes [default: out/SOURCE-VERB]
@@ -54,7 +54,7 @@ impl CheckArgs {
     }
 }
 
-/// Where a verb that leaves single files keeps the photos of a rig.
+/// The place where a verb that leaves single files keeps the photos of a rig.
 #[derive(Args)]
 pub(super) struct KeepArgs {
     /// Keep a rig's photos in this folder, as other verbs do in theirs: each is on disk before it is used, and the folder can be

@@ -14,7 +14,7 @@ use crate::io::picture;
 use crate::lab::{ChannelChoice, Settings};
 use crate::verbs::photo::{TakePhoto, WriteLabels};
 
-/// Where photos are kept and shown.
+/// The places where photos are kept and shown.
 #[derive(clap::Args)]
 pub(super) struct Kept {
     #[command(flatten)]

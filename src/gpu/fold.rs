@@ -110,7 +110,7 @@ struct Known<'a> {
 }
 
 impl<'a> Known<'a> {
-    /// What is known in a function with this body, which includes the variables of `&&` and `||`. The parser turns `a && b` into an unnamed
+    /// The facts known in a function with this body, which includes the variables of `&&` and `||`. The parser turns `a && b` into an unnamed
     /// variable and an `if a`. Each branch stores to the variable once, before the variable is read. If only one store is left after folding,
     /// its value is the variable's value.
     fn new(module: &'a Module, returns: &'a Returns, function: &'a Function, body: &Block) -> Self {

@@ -14,7 +14,7 @@ use super::lent::Waiting;
 use super::stopwatch::Stopwatch;
 use crate::error::Result;
 
-/// What is kept for a device.
+/// The objects that are kept for a device.
 #[derive(Default)]
 pub(crate) struct Kept {
     /// Things by type and name.
@@ -36,7 +36,7 @@ const TASK: usize = 1 << 16;
 type Piece = (usize, u64, u64);
 
 impl Gpu {
-    /// What was kept under `name`. If nothing was, it is made and kept.
+    /// The object that was kept under `name`. If there is none, it is made and kept.
     pub(crate) fn kept<T: Clone + Send + Sync + 'static>(
         &self,
         name: &str,

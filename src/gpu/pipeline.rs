@@ -95,7 +95,7 @@ impl Gpu {
     /// loops over workgroup memory.
     ///
     /// # Safety
-    /// Whatever the buffers contain, the shader must not read or write out of their bounds, and its loops must end.
+    /// The shader must not, for any contents of the buffers, read or write out of their bounds, and its loops must end.
     #[allow(unsafe_code, reason = "wgpu cannot know that indices are in bounds")]
     pub(crate) unsafe fn unchecked_module(&self, label: &str, source: ShaderSource<'_>) -> ShaderModule {
         let description = wgpu::ShaderModuleDescriptor { label: Some(label), source };

@@ -16,7 +16,7 @@ pub(super) struct Stopwatch(Mutex<Option<Running>>);
 
 struct Running {
     queries: QuerySet,
-    /// What each timed pass does.
+    /// The name of each timed pass.
     passes: Vec<&'static str>,
 }
 

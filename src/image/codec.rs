@@ -44,7 +44,7 @@ enum Samples {
     Sixteen(Vec<u16>),
 }
 
-/// What a file states of the meaning of its samples, as it stands there. It does not concern textures, whose meaning the material tells.
+/// The statements of a file about the meaning of its samples. They do not concern textures, whose meaning the material tells.
 #[derive(Default)]
 pub(crate) struct Metadata {
     /// The code points of ITU-T H.273 for primaries and transfer characteristics, and whether the range is full.
@@ -57,7 +57,7 @@ pub(crate) struct Metadata {
     /// x and y of red, green, blue and white.
     pub primaries: Option<[f32; 8]>,
     pub exif: Option<Vec<u8>>,
-    /// As Exif counts orientations.
+    /// The orientation, as Exif counts it.
     pub orientation: Option<u16>,
     /// The width of a pixel divided by its height.
     pub pixel_aspect: Option<f32>,

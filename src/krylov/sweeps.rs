@@ -3,7 +3,7 @@
 //! A basis of fifty vectors of 512×512 pixels takes 100 MiB. Each sweep reads the basis from memory, and this dominates the time. Further
 //! work on a block of rows is almost free.
 //!
-//! As in [`Basis`], blocks have a fixed number of rows, and their sums are added in the order of the rows.
+//! Blocks have a fixed number of rows, and their sums are added in the order of the rows, as in [`Basis`].
 
 use rayon::prelude::*;
 

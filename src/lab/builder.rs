@@ -131,7 +131,7 @@ impl LabBuilder {
     /// Opens the source.
     ///
     /// # Errors
-    /// As [`Lab::open`], and [`crate::Error::Option`] for a setting that does not apply to the source.
+    /// The errors of [`Lab::open`], and [`crate::Error::Option`] for a setting that does not apply to the source.
     pub fn open(self) -> Result<Lab> {
         let source = match self.origin {
             Origin::File(path) => Source::open(&path, &self.program, &self.settings, &self.observer)?,

@@ -133,7 +133,7 @@ impl RigSource {
     /// Runs that began before this change cannot be continued.
     ///
     /// # Errors
-    /// As [`RigSource::flat_field`]; [`Error::Option`] if the rig file names no calibration; [`Error::Write`].
+    /// The errors of [`RigSource::flat_field`]; [`Error::Option`] if the rig file names no calibration; [`Error::Write`].
     pub fn add_flat_field(&self) -> Result<(FlatField, PathBuf)> {
         let Some(folder) = self.file.calibration.clone() else {
             let fault = format!("{} names no calibration, which this is added to", self.file.path.display());
@@ -151,7 +151,7 @@ impl Lab {
     /// before the first photo of a run.
     ///
     /// # Errors
-    /// As [`calibrate`]; [`crate::Error::Option`] if the source is not a rig.
+    /// The errors of [`calibrate`]; [`crate::Error::Option`] if the source is not a rig.
     pub fn calibrate(&mut self, options: &CalibrateOptions) -> Result<CalibrationReport> {
         let rig = self.rig().ok_or_else(|| self.is_no_rig())?;
         let (calibration, report) = rig.calibrate_by(rig.opener()(None)?.as_mut(), options)?;
@@ -163,7 +163,7 @@ impl Lab {
     /// brightness from now on. Nothing is written. Call it after [`Lab::calibrate`] and before the first photo of a run.
     ///
     /// # Errors
-    /// As [`RigSource::flat_field`]; [`Error::Option`] if the source is not a rig.
+    /// The errors of [`RigSource::flat_field`]; [`Error::Option`] if the source is not a rig.
     pub fn measure_flat_field(&mut self) -> Result<FlatField> {
         let rig = self.rig().ok_or_else(|| self.is_no_rig())?;
         let flat = rig.flat_field()?;

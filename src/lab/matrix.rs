@@ -205,7 +205,7 @@ fn map_to_projector(light: &Csr) -> Csr {
 /// A matrix for a file.
 #[derive(Clone, Debug)]
 pub struct ExportedMatrix {
-    /// What is added to the name of the file.
+    /// The text that is added to the name of the file.
     pub suffix: &'static str,
     /// The matrix.
     pub matrix: Csr,

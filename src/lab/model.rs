@@ -13,7 +13,7 @@ impl Lab {
     /// patterns. Each further pattern is a photo that is projected back. If `block` is 1, only white is chosen.
     ///
     /// # Errors
-    /// As [`capture_channels`] and [`Lab::operators`]; [`Error::Option`] if photos and patterns have different sizes and no matrix is in
+    /// The errors of [`capture_channels`] and [`Lab::operators`]; [`Error::Option`] if photos and patterns have different sizes and no matrix is in
     /// memory.
     pub fn capture_model(&mut self, photos: usize, block: usize) -> Result<SavedModel> {
         let (resolution, projector) = (self.resolution(), self.projector_resolution());

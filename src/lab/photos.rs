@@ -36,7 +36,7 @@ impl Lab {
     /// costs more. A rig's photo contains only the light of the pattern, unless the rig file says otherwise.
     ///
     /// # Errors
-    /// As [`Lab::photo`]; [`crate::Error::Option`] naming `--operator` for other sources than a scene, and `--size` if the photo takes more
+    /// The errors of [`Lab::photo`]; [`crate::Error::Option`] naming `--operator` for other sources than a scene, and `--size` if the photo takes more
     /// than [`OperatorSettings::memory`](crate::lab::OperatorSettings::memory).
     pub fn single_photo(&mut self, pattern: &Image) -> Result<SinglePhoto> {
         if self.run.is_none() {
@@ -85,7 +85,7 @@ impl Lab {
         lock(self.transport()?).photograph(pattern)
     }
 
-    /// As [`Lab::photo`], with the standard error of each sample if the source knows it. A scene is traced for this photo, since its matrix
+    /// Works like [`Lab::photo`], with the standard error of each sample if the source knows it. A scene is traced for this photo, since its matrix
     /// does not contain the errors of single photos. Fails as [`Lab::photo`].
     pub fn photo_with_error(&mut self, pattern: &Image) -> Result<(Image, Option<Image>)> {
         if let Source::Scene(scene) = &self.source {
@@ -132,7 +132,7 @@ impl Lab {
         self.photos_with(|_| true, work)
     }
 
-    /// As [`Self::photos`]. `is_complete` says whether the photos are enough to know noise and drift.
+    /// Works like [`Self::photos`]. `is_complete` says whether the photos are enough to know noise and drift.
     pub(crate) fn photos_with<T>(
         &mut self,
         is_complete: impl FnOnce(&T) -> bool,

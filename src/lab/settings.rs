@@ -15,7 +15,7 @@ use crate::transport::{Backend, Channels};
 /// Settings for opening a source. The default suits every source.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
-    /// Where camera and projector stand.
+    /// The places of camera and projector.
     pub view: View,
     /// How light is traced.
     pub trace: TraceOverrides,
@@ -42,7 +42,7 @@ impl Settings {
         trace.or(adapter).or(self.view.first_of_file()).or(placed)
     }
 
-    /// As [`Self::first_of_trace`], without the sizes of the pictures. They may be given for a matrix.
+    /// Works like [`Self::first_of_trace`], without the sizes of the pictures. They may be given for a matrix.
     pub fn first_beside_sizes(&self) -> Option<&'static str> {
         let trace = TraceOverrides { resolution: None, projector: None, ..self.trace };
         Self { trace, ..self.clone() }.first_of_trace()
@@ -69,7 +69,7 @@ pub(crate) fn first_given<'a>(options: &[(bool, &'a str)]) -> Option<&'a str> {
     options.iter().find(|(is_given, _)| *is_given).map(|(_, name)| *name)
 }
 
-/// Where camera and projector stand.
+/// The places of camera and projector.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct View {
     /// The camera to use, where the scene has several

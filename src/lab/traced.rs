@@ -62,7 +62,7 @@ fn require_memory(scene: &Scene, most: u64) -> Result<()> {
 /// The fraction of the loading progress that counts for reading the files. Building the search tree counts for the rest.
 const READING: f32 = 0.5;
 
-/// As [`told`], but a stop is returned as an error.
+/// Works like [`told`], but a stop is returned as an error.
 pub(super) fn at(observer: &SharedObserver, share: f32) -> Result<()> {
     if told(observer, share).is_break() { Err(Error::Interrupted) } else { Ok(()) }
 }

@@ -78,7 +78,7 @@ impl LightTransport {
         })
     }
 
-    /// As [`crate::lab::Lab::product_noise`].
+    /// Works like [`crate::lab::Lab::product_noise`].
     pub(super) fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
         Ok(self.noise()?.map(|noise| match part {
             Part::Full => noise.full,

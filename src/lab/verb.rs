@@ -108,7 +108,7 @@ pub trait Answer {
     /// The number of photos behind the answer, for the run's record.
     fn photos(&self) -> usize;
 
-    /// What was found and how well, in fewer than twenty words without a full stop. It is the first line on the terminal.
+    /// The result and its quality, in fewer than twenty words without a full stop. It is the first line on the terminal.
     fn headline(&self) -> String;
 
     /// The sentences at the top of the page. The default is the headline.

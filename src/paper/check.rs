@@ -20,7 +20,7 @@ pub struct Check {
     pub value: f64,
     /// The bound.
     pub limit: Limit,
-    /// What a wrong answer scores: its name and its value. A bound that the wrong answer meets proves nothing, and counts as missed.
+    /// The score of a wrong answer: its name and its value. A bound that the wrong answer meets proves nothing, and counts as missed.
     pub wrong: Option<(String, f64)>,
     /// The same number without one effect, which tells whether this effect is the cause of a miss: a phrase that names the effect, and the
     /// value.

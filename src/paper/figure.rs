@@ -217,7 +217,7 @@ impl Figure {
         WORDS[self as usize][1]
     }
 
-    /// What the paper says, with its section, in our words; and what of it is ours.
+    /// The statement of the paper, with its section, in our words, and the part of it that is ours.
     pub fn statement(self) -> &'static str {
         WORDS[self as usize][2]
     }

@@ -15,7 +15,7 @@ use super::{Abilities, Camera, CameraInfo, GenicamSpec, Losses, RawFrame, WallCl
 use crate::error::{Error, Result};
 use crate::machine;
 
-/// What a camera's protocol answers.
+/// The answer of a camera's protocol.
 pub type Answered<T> = std::result::Result<T, GenicamError>;
 
 /// The transport layer of a camera: GigE Vision or USB3 Vision.

@@ -45,7 +45,7 @@ impl Mask {
         Self::lines(&camera.collect::<Vec<_>>(), &(0..size.pixels()).map(row).collect::<Vec<_>>())
     }
 
-    /// As [`Mask::row`], for columns.
+    /// Works like [`Mask::row`], for columns.
     pub fn column(size: Resolution, homes: Option<&Homes>) -> Result<Self> {
         Self::band(size, homes, [0, 0])
     }

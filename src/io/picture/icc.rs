@@ -15,7 +15,7 @@ const TOLERANCE: f32 = 0.003;
 /// The curve of a profile. The primaries of a `color` picture must be those of sRGB.
 ///
 /// # Errors
-/// What the profile has that no curve can express, with the name of the profile.
+/// The property of the profile that no curve can express, with the name of the profile.
 pub(super) fn curve(profile: &[u8], color: bool) -> Result<Curve, String> {
     let found = match profile.get(16..20) {
         Some(b"RGB ") => rgb(profile, color),

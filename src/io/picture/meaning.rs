@@ -1,4 +1,4 @@
-//! What the samples of a picture mean: their curve, their primaries, their orientation and the shape of their pixels.
+//! The meaning of the samples of a picture: their curve, their primaries, their orientation and the shape of their pixels.
 
 use super::curve::Curve;
 use super::icc;
@@ -31,7 +31,7 @@ impl Stored {
     /// The picture that is shown, in linear values.
     ///
     /// # Errors
-    /// What the file states that cannot be honoured.
+    /// The statement of the file that cannot be honoured.
     pub(super) fn shown(self) -> std::result::Result<Image, String> {
         let colors = if self.channels >= 3 { 3 } else { 1 };
         let mut samples = self.samples;

@@ -94,7 +94,7 @@ pub fn write(path: &Path, image: &Image) -> Result<()> {
     write_shown(path, image, |image| raster::develop(image, raster::exposure(image)))
 }
 
-/// As [`write()`]. `show` makes the picture of a `.png` file.
+/// Works like [`write()`]. `show` makes the picture of a `.png` file.
 pub(crate) fn write_shown(path: &Path, image: &Image, show: impl FnOnce(&Image) -> Raster) -> Result<()> {
     match kind(path) {
         Some(PictureFormat::Npy) => npy::write_image(path, image),
@@ -180,7 +180,7 @@ fn size(path: &Path) -> Result<Option<Resolution>> {
 /// levels from 0. The second value is the highest level that the format can hold; `None` for floating-point numbers and `.npy` files.
 ///
 /// # Errors
-/// As [`read`], but for what the file states about its curve. NaN and infinite values are refused.
+/// The errors of [`read`], but for what the file states about its curve. NaN and infinite values are refused.
 pub fn read_levels(path: &Path) -> Result<(Image, Option<f32>)> {
     let (image, levels) = match kind(path) {
         Some(PictureFormat::Npy) => (npy::read_image(path)?, None),

@@ -32,7 +32,7 @@ pub struct MatrixFile {
     pub noise: Option<ProductNoise>,
 }
 
-/// What a file of one channel holds beside the matrix, as far as it is known. Other programs ignore it.
+/// The facts that a file of one channel holds beside the matrix, as far as they are known. Other programs ignore them.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Beside<'a> {
     /// The light of one bounce.
@@ -47,11 +47,11 @@ pub struct Beside<'a> {
 /// noise of a traced matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ProductNoise {
-    /// Of all light.
+    /// The noise of all light.
     pub full: f64,
-    /// Of the light of one bounce.
+    /// The noise of the light of one bounce.
     pub direct: f64,
-    /// Of the light of two and more bounces.
+    /// The noise of the light of two and more bounces.
     pub global: f64,
 }
 
@@ -163,7 +163,7 @@ pub fn write(path: &Path, matrix: &Csr) -> Result<()> {
     write_channel(path, matrix, &Beside::default())
 }
 
-/// As [`write()`], with what is known beside the matrix.
+/// Works like [`write()`], with what is known beside the matrix.
 pub fn write_channel(path: &Path, matrix: &Csr, beside: &Beside<'_>) -> Result<()> {
     match extension(path).as_str() {
         "npz" => write_npz(path, matrix, beside),
@@ -267,7 +267,7 @@ fn read_colors(path: &Path, files: &[PathBuf]) -> Result<MatrixFile> {
         whole.channels.extend(color.channels);
         whole.direct.extend(color.direct);
         whole.pictures = color.pictures;
-        // As for a traced matrix, the noise is that of the first channel.
+        // The noise is that of the first channel, as for a traced matrix.
         whole.noise = whole.noise.or(color.noise);
     }
     if whole.direct.len() != whole.channels.len() {

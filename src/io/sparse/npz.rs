@@ -17,7 +17,7 @@ const SHAPES: [&str; 2] = ["camera_shape", "projector_shape"];
 /// and `float64` otherwise. Further arrays, which SciPy ignores, are `camera_shape` and `projector_shape`, and the light of one bounce as
 /// `direct_indices`, `direct_indptr` and `direct_data`, and `noise` ([`ProductNoise`]).
 ///
-/// As in SciPy, index arrays are `int32` if all indices fit, and `int64` otherwise. The members of the archive are not compressed and have
+/// Index arrays are `int32` if all indices fit, and `int64` otherwise, as in SciPy. The members of the archive are not compressed and have
 /// a fixed date, so equal matrices give equal bytes.
 ///
 /// # Errors

@@ -302,7 +302,7 @@ impl Solver {
         self.system.tally()
     }
 
-    /// As [`Solver::solution`]. Fails with the error of the memory in which the vectors are.
+    /// Works like [`Solver::solution`]. Fails with the error of the memory in which the vectors are.
     fn last_solution(&mut self) -> Result<Vec<f64>> {
         let x = self.recurrence.last_iterate(&mut self.system)?;
         Ok(self.system.undivided(x))
@@ -324,7 +324,7 @@ pub(crate) trait Recurrence: Send {
         system.best.clone()
     }
 
-    /// As [`Recurrence::iterate`]. If the iterate cannot be read, the state goes back to an earlier one.
+    /// Works like [`Recurrence::iterate`]. If the iterate cannot be read, the state goes back to an earlier one.
     fn last_iterate(&mut self, system: &mut System) -> Result<Vec<f64>> {
         Ok(self.iterate(system))
     }

@@ -66,7 +66,7 @@ pub struct Singular {
     pub history: Vec<HistoryRow>,
     /// The total number of products, and the reason for the end of the search.
     pub stats: Stats,
-    /// What is known about whether the search missed any singular value.
+    /// The claim about singular values that the search may have missed.
     pub completeness: Completeness,
     /// The number of products that confirmed the search. `stats` includes them if the same call took them.
     pub confirming: usize,

@@ -10,7 +10,7 @@ use crate::lab::source::{ExplicitParts, ModelParts, SceneSource};
 use crate::operator::Adjoint;
 use crate::transport::{Assembled, Channels, EstimatedOperator, Part, Retraced, RetracedOperator, Transport};
 
-/// What provides photos.
+/// A provider of photos.
 pub(super) enum Engine {
     /// Products with a traced matrix.
     Replayed(Arc<Assembled>),

@@ -38,7 +38,7 @@ impl Legend {
         Self::of_painted_labels(labels, &Palette::default())
     }
 
-    /// As [`Legend::of_labels`], for a picture with other colours.
+    /// Works like [`Legend::of_labels`], for a picture with other colours.
     pub fn of_painted_labels(labels: &[u8], palette: &Palette) -> Self {
         let mut counts = [0_usize; 256];
         for &label in labels {

@@ -130,7 +130,7 @@ impl Embedded {
             .collect();
         let mut embedded = Self::default();
         let mut bytes = 0;
-        // As many at a time as there are threads: what is packed and then left out costs time.
+        // One for each thread at a time, because packing a value that is then left out costs time.
         for values in values.chunks(rayon::current_num_threads().max(1)) {
             let fits =
                 |(.., values): &(_, _, &Values)| (embedded.left_out == 0).then(|| packed(&values.planes));

@@ -107,7 +107,7 @@ impl Mesh {
 
     /// The triangles that have an area, in coordinates with this origin, and the number of the others. The mesh has been checked.
     pub(super) fn triangles(&self, material: &Material, origin: DVec3) -> (Vec<Triangle>, usize) {
-        // As in a loaded scene, coordinates that no texture reads are zero.
+        // Coordinates that no texture reads are zero, as in a loaded scene.
         let reads = material.texture_sets();
         let triangle = |face: &[u32; 3]| {
             let corners = face.map(|vertex| vertex as usize);

@@ -61,7 +61,7 @@ pub struct EditableScene {
     pub projector_resolution: Option<Resolution>,
     /// Names of the regions, indexed by [`Mesh::region`].
     pub regions: Vec<String>,
-    /// As [`Scene::regions_are_labels`].
+    /// Works like [`Scene::regions_are_labels`].
     pub regions_are_labels: bool,
     /// The origin of the coordinates, as [`Scene::origin`].
     pub origin: DVec3,
@@ -79,7 +79,7 @@ impl EditableScene {
     /// number: `wall`, `wall_2`, … Vertices are in world space.
     ///
     /// # Errors
-    /// As [`load_with`].
+    /// The errors of [`load_with`].
     pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Self> {
         let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
         let (scene, meshes, projector) = if extension == "glb" || extension == "gltf" {
@@ -200,7 +200,7 @@ impl EditableScene {
     /// hash. If there is no camera, `auto_camera` places one in front ([`Camera::in_front_of`]).
     ///
     /// # Errors
-    /// As [`EditableScene::check`]; [`Error::Option`] naming `camera` if there is none.
+    /// The errors of [`EditableScene::check`]; [`Error::Option`] naming `camera` if there is none.
     pub fn to_scene(&self, auto_camera: bool) -> Result<Scene> {
         self.check()?;
         if self.camera.is_none() && !auto_camera {
@@ -264,7 +264,7 @@ impl EditableScene {
     /// The scene as the bytes of a `.glb` file, which are the same on every machine.
     ///
     /// # Errors
-    /// As [`EditableScene::check`]; [`Error::Option`] if the file would have 4 GiB or more.
+    /// The errors of [`EditableScene::check`]; [`Error::Option`] if the file would have 4 GiB or more.
     pub fn to_glb(&self) -> Result<Vec<u8>> {
         self.check()?;
         gltf::write(self)
@@ -273,7 +273,7 @@ impl EditableScene {
     /// Writes the scene to a `.glb` file.
     ///
     /// # Errors
-    /// As [`EditableScene::to_glb`]; [`Error::Option`] naming `path` for another extension; [`Error::Write`].
+    /// The errors of [`EditableScene::to_glb`]; [`Error::Option`] naming `path` for another extension; [`Error::Write`].
     pub fn save(&self, path: &Path) -> Result<()> {
         if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("glb")) {
             let fault = format!("{} is no .glb file", path.display());

@@ -299,7 +299,7 @@ impl EditableScene {
     }
 }
 
-/// What is wrong with a value, and what to do.
+/// The fault of a value, and the help.
 pub(super) type Fault = (String, String);
 
 fn properties(material: &Material) -> Vec<String> {

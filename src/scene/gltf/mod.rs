@@ -53,7 +53,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     convert(file, &bytes, (options, camera_file), false).map(|(scene, _)| scene)
 }
 
-/// As [`load`], with the meshes.
+/// Works like [`load`], with the meshes.
 pub(super) fn load_recorded(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Recorded)> {
     let (file, bytes) = SceneFile::read(path, options.strict)?;
     let camera_file = camera_file::find(path, options)?;

@@ -22,7 +22,7 @@ const UNSIGNED_INT: u32 = 5125;
 
 /// The bytes of the `.glb` file, which are the same on every machine. The scene has been checked.
 pub(in crate::scene) fn write(scene: &EditableScene) -> Result<Vec<u8>> {
-    // As the loader lists them, textures are in the order of their first use.
+    // Textures are in the order of their first use, as the loader lists them.
     let (mut materials, mut textures) = (scene.materials.clone(), Vec::new());
     for (_, slot) in materials.iter_mut().flat_map(Material::texture_slots) {
         let Some(TextureRef { texture, .. }) = slot else { continue };
@@ -46,7 +46,7 @@ pub(in crate::scene) fn write(scene: &EditableScene) -> Result<Vec<u8>> {
     Ok(file)
 }
 
-/// As [`write()`], for a small scene whose materials have no textures.
+/// Works like [`write()`], for a small scene whose materials have no textures.
 pub(in crate::scene) fn write_without_pictures(scene: &EditableScene) -> Vec<u8> {
     file(scene, &scene.materials, (&[], &[]))
 }

@@ -31,7 +31,7 @@ pub(super) struct Rows<'a> {
     /// Each endpoint of the rig with its flags: whether paths start or end at the pixels of the rows.
     pub(super) sources: Vec<(&'a Endpoint, u32)>,
     pub(super) counts: &'a wgpu::Buffer,
-    /// Where the counts of these rows begin.
+    /// The place at which the counts of these rows begin.
     pub(super) first_count: u32,
     pub(super) rows: u32,
     pub(super) columns: usize,

@@ -35,7 +35,7 @@ fn the_self_test_passes() {
     }
 }
 
-/// Whatever a faulty device might return differs: one weight, one place, the diagonal, the ambient light, or the noise.
+/// One thing differs that a faulty device might return: one weight, one place, the diagonal, the ambient light, or the noise.
 #[test]
 fn the_self_test_finds_faults() {
     let known = Known::new(Channels::Luma);
@@ -269,7 +269,7 @@ fn the_matrix_of_a_coaxial_rig_is_symmetric_to_the_last_bit() {
     assert!(!entries.is_empty() && entries == mirrored);
 }
 
-/// Where the device cannot assemble the matrix, the host does, and says why.
+/// The host assembles the matrix if the device cannot, and says why.
 #[test]
 fn the_host_assembles_what_the_device_cannot() {
     let mut gpu = Gpu::for_tests();

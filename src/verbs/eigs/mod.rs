@@ -203,7 +203,7 @@ impl Eigs {
     /// Singular values of one part of the light transport matrix, with patterns and photos. Every second photo is one of the transpose.
     ///
     /// # Errors
-    /// As [`singular()`] and [`Lab::operator`]; a rig that is not coaxial cannot take photos of its transpose
+    /// The errors of [`singular()`] and [`Lab::operator`]; a rig that is not coaxial cannot take photos of its transpose
     /// ([`crate::operator::Exchanged`]).
     pub fn triplets(&self, lab: &mut Lab) -> Result<SingularTriplets> {
         let EigsOptions { count, products, tolerance, start, confirm, .. } =

@@ -69,7 +69,7 @@ impl Calibrate {
     /// Calibrates the devices, and writes the calibration and a report into a folder, with a journal of all photos.
     ///
     /// # Errors
-    /// As [`calibrate`](crate::calibrate::calibrate); [`Error::Write`]; [`Error::Option`] for a folder that holds a run.
+    /// The errors of [`calibrate`](crate::calibrate::calibrate); [`Error::Write`]; [`Error::Option`] for a folder that holds a run.
     pub fn ask(&self, rig: &RigSource) -> Result<Calibrated> {
         let again = self.overwrite || self.resume;
         let folder = self.folder.clone().unwrap_or_else(|| rig.next_calibration_folder(again));
