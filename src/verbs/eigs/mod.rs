@@ -267,7 +267,7 @@ fn confirm_within(asked: Option<Confirm>, operator: &LabOperator) -> (Option<Con
 fn missing(completeness: Completeness, (found, wanted): (usize, usize), products: usize) -> String {
     if found < wanted && completeness == Completeness::Exact {
         format!("missing   there are only {found}, and {wanted} were asked for")
-    } else if products > 0 {
+    } else if products > 0 && completeness.is_known() {
         format!("missing   {completeness} ({products} further products confirm it)")
     } else {
         format!("missing   {completeness}")
@@ -380,5 +380,17 @@ impl Answer for Spectrum {
 
     fn show(&self, lab: &mut Lab, page: &mut AnswerPage<'_>) -> Result<()> {
         self.inner().show(lab, page)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn products_confirm_only_what_is_known() {
+        let open = missing(Completeness::NotExcluded, (3, 3), 36);
+        assert!(!open.contains("confirm") && open.contains("not excluded"), "{open}");
+        assert!(missing(Completeness::Exact, (3, 3), 36).contains("(36 further products confirm it)"));
     }
 }
