@@ -31,6 +31,11 @@ const INVOCATIONS = 256u;
 var<workgroup> held: array<f64, 1024>;
 var<workgroup> sums: array<f64, 256>;
 
+// The entry that an invocation takes.
+fn row_of(group: vec3u, groups: vec3u, index: u32) -> u32 {
+    return INVOCATIONS * (group.y * groups.x + group.x) + index;
+}
+
 // w ← w − V h, one column after the other.
 @compute @workgroup_size(256)
 fn remove(
@@ -38,7 +43,7 @@ fn remove(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) index: u32,
 ) {
-    let row = INVOCATIONS * (group.y * groups.x + group.x) + index;
+    let row = row_of(group, groups, index);
     if (row < part.rows) {
         var value = w[row];
         for (var column = 0u; column < part.columns; column += 1u) {
@@ -55,7 +60,7 @@ fn divide(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) index: u32,
 ) {
-    let row = INVOCATIONS * (group.y * groups.x + group.x) + index;
+    let row = row_of(group, groups, index);
     if (row < part.rows) {
         other[row] = w[row] / coefficients[0];
     }
@@ -136,7 +141,7 @@ fn write_selected(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) index: u32,
 ) {
-    let row = INVOCATIONS * (group.y * groups.x + group.x) + index;
+    let row = row_of(group, groups, index);
     if (row < part.rows) {
         other[selected[row]] = coefficients[row] * columns[row];
     }
@@ -149,7 +154,7 @@ fn read_selected(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) index: u32,
 ) {
-    let row = INVOCATIONS * (group.y * groups.x + group.x) + index;
+    let row = row_of(group, groups, index);
     if (row < part.rows) {
         other[row] = coefficients[row] * columns[selected[row]];
     }

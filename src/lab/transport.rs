@@ -194,9 +194,7 @@ impl LightTransport {
             let of = (part, channel);
             let name = if is_confirming { confirming_name(of) } else { product_name(part, channel) };
             let known = journal.damages().len();
-            if journal.read_note(notes::ON_DEVICE)?.is_none() {
-                journal.note(notes::ON_DEVICE, &[])?;
-            }
+            journal.note(notes::ON_DEVICE, &[])?;
             JournaledOperator::keep(journal, name, &product)?;
             warn_of_new_damages(journal, known, observer);
         }
@@ -226,19 +224,15 @@ impl LightTransport {
         };
         if let Engine::JournalOnly = engine {
             let size = [shape.photos, shape.patterns].map(Resolution::pixels);
-            let replayed = apply(&mut JournaledOperator::replay(journal, name, size, shape.symmetry), ys);
-            let is_missing = matches!(replayed, Err(Error::NotTaken { .. }));
-            if !is_missing || direction != Direction::Forward {
-                return replayed;
-            }
             for (x, y) in xs.iter().zip(ys) {
-                match JournaledOperator::replay(journal, name, size, shape.symmetry).apply(x, y) {
-                    Err(Error::NotTaken { .. }) => {}
-                    Err(error) => return Err(error),
-                    Ok(()) => continue,
-                }
-                if !Spanned::of(spanned, journal, (part, channel))?.product(x, y) {
-                    return replayed;
+                let mut operator = JournaledOperator::replay(journal, name, size, shape.symmetry);
+                let replayed = operator.products(direction, &[x], &mut [y]);
+                let is_missing = matches!(replayed, Err(Error::NotTaken { .. }));
+                let follows = is_missing
+                    && direction == Direction::Forward
+                    && Spanned::of(spanned, journal, (part, channel))?.product(x, y);
+                if !follows {
+                    replayed?;
                 }
             }
             return Ok(Vec::new());

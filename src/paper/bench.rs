@@ -129,7 +129,7 @@ impl Bench {
         self.open(stage.set, stage.resolution)?.through_devices(known)
     }
 
-    /// The photos that virtual devices took since the last call: the photos that measured direct light, and all frames. The frames include black, white
+    /// The costs of virtual devices since the last call: the photos that measured direct light, and all frames. The frames include black, white
     /// and exposures, but not calibrations.
     pub(super) fn costs(&mut self) -> (usize, u64) {
         (std::mem::take(&mut self.direct), self.meters.drain(..).filter_map(|rig| rig.frames()).sum())

@@ -246,12 +246,12 @@ impl Recurrence for Gmres {
     }
 
     fn last_iterate(&mut self, system: &mut System) -> Result<Vec<f64>> {
-        let mut x = system.x.clone();
-        if self.started && self.resident.is_some() {
-            self.add_correction(&mut x).inspect_err(|_| self.leave(system))?;
-            return Ok(x);
+        if !self.started || self.resident.is_none() {
+            return Ok(self.iterate(system));
         }
-        Ok(self.iterate(system))
+        let mut x = system.x.clone();
+        self.add_correction(&mut x).inspect_err(|_| self.leave(system))?;
+        Ok(x)
     }
 
     fn iterate(&self, system: &System) -> Vec<f64> {
