@@ -13,12 +13,16 @@ struct Part {
     blocks: u32,
     // 1 if the square of w follows the sums of the columns, else 0.
     square: u32,
-    padding: vec2u,
+    // The second and the third vector of a combination, whose first one is the first column.
+    second: u32,
+    third: u32,
 }
 
 const LANES = 32u;
 const ROWS = 1024u;
 const INVOCATIONS = 256u;
+// Stands for w in place of a column.
+const W = 0xffffffffu;
 
 @group(0) @binding(0) var<uniform> part: Part;
 @group(0) @binding(1) var<storage, read> columns: array<f64>;
@@ -53,16 +57,31 @@ fn remove(
     }
 }
 
-// other ← w / h.
+// The entry of a column of the buffer, or of w.
+fn entry(column: u32, row: u32) -> f64 {
+    if (column == W) {
+        return w[row];
+    }
+    return columns[column * part.rows + row];
+}
+
+// other ← (Σ c v) / d, for up to three vectors v. The coefficients are followed by d.
 @compute @workgroup_size(256)
-fn divide(
+fn combine(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) index: u32,
 ) {
     let row = row_of(group, groups, index);
     if (row < part.rows) {
-        other[row] = w[row] / coefficients[0];
+        var sum = coefficients[0] * entry(part.first, row);
+        if (part.columns > 1u) {
+            sum += coefficients[1] * entry(part.second, row);
+        }
+        if (part.columns > 2u) {
+            sum += coefficients[2] * entry(part.third, row);
+        }
+        other[row] = sum / coefficients[3];
     }
 }
 

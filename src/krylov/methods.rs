@@ -32,7 +32,8 @@ pub struct MethodFacts {
     pub needs_symmetry: bool,
     /// The constraint that all iterates satisfy.
     pub constraint: Constraint,
-    /// The fixed number of stored vectors of length `n`, including the right-hand side and the solution.
+    /// The fixed number of stored vectors of length `n`, including the right-hand side and the solution, without a preconditioner (FGMRES:
+    /// with one).
     pub images: usize,
     /// The number of further stored vectors per product.
     pub images_per_product: usize,
@@ -83,11 +84,11 @@ macro_rules! methods {
 #[rustfmt::skip]
 methods! {
     //                                 Aᵀ     A=Aᵀ               images   start/iteration
-    Minres         "minres"           [false, true]  None        [12, 0] [0, 1] |_, b, options| Minres::solver(b, options);
+    Minres         "minres"           [false, true]  None        [9, 0]  [0, 1] |_, b, options| Minres::solver(b, options);
     Gmres          "gmres"            [false, false] None        [7, 1]  [0, 1] |_, b, options| Gmres::solver(b, options);
     Fgmres         "fgmres"           [false, false] None        [7, 2]  [0, 1] |_, b, options| Gmres::flexible(b, options);
-    Cg             "cg"               [false, true]  None        [7, 0]  [0, 1] |_, b, options| Cg::solver(b, options);
-    Cgs            "cgs"              [false, false] None        [12, 0] [0, 2] |_, b, options| Cgs::solver(b, options);
+    Cg             "cg"               [false, true]  None        [6, 0]  [0, 1] |_, b, options| Cg::solver(b, options);
+    Cgs            "cgs"              [false, false] None        [11, 0] [0, 2] |_, b, options| Cgs::solver(b, options);
     BiCgStab       "bicgstab"         [false, false] None        [9, 0]  [0, 2] |_, b, options| BiCgStab::solver(b, options);
     Lsqr           "lsqr"             [true, false]  None        [9, 0]  [1, 2] Lsqr::solver;
     Lsmr           "lsmr"             [true, false]  None        [10, 0] [1, 2] Lsmr::solver;

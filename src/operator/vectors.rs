@@ -48,6 +48,19 @@ pub trait Vectors: Any + Send {
     /// [`Vectors::column`].
     fn settle_and_dot(&mut self, settling: &Settling<'_>) -> Result<Sums>;
 
+    /// `w ← (Σ c v)/divisor`, for one to three terms `(c, v)`. A vector is a column, or `w` if it is `None`. Fails as [`Vectors::column`].
+    /// The default, for vectors in the host's memory, always fails.
+    fn combine(&mut self, terms: &[(f64, Option<usize>)], divisor: f64) -> Result<()> {
+        let _ = (terms, divisor);
+        Err(made_elsewhere())
+    }
+
+    /// Overwrites column `index` with `w`. Fails as [`Vectors::combine`].
+    fn keep(&mut self, index: usize) -> Result<()> {
+        let _ = index;
+        Err(made_elsewhere())
+    }
+
     /// The last product that [`Operator::apply_within`](super::Operator::apply_within) computed in these vectors: `x` and `A x`, of all `n`
     /// entries, also with a selection. Fails as [`Vectors::column`]. The default, for vectors in the host's memory, always fails.
     fn product(&self) -> Result<Product> {

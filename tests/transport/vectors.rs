@@ -248,6 +248,16 @@ impl Vectors for Limited {
         self.inner.remove(h)
     }
 
+    fn combine(&mut self, terms: &[(f64, Option<usize>)], divisor: f64) -> Result<()> {
+        self.call()?;
+        self.inner.combine(terms, divisor)
+    }
+
+    fn keep(&mut self, index: usize) -> Result<()> {
+        self.call()?;
+        self.inner.keep(index)
+    }
+
     fn dots_and_norm(&mut self, first: usize) -> Result<Sums> {
         self.call()?;
         self.inner.dots_and_norm(first)
@@ -443,6 +453,29 @@ fn the_photos_of_a_run_on_the_device_answer_a_machine_without_it() {
 }
 
 #[test]
+fn the_photos_of_a_solver_on_the_device_answer_a_machine_without_it() {
+    let b: Vec<f64> = (0..24 * 24).map(|i| 0.2 + (i as f64 * 0.37).sin().abs()).collect();
+    let options = SolveOptions { products: 25, rtol: 1e-3, ..SolveOptions::default() };
+    for method in RESIDENT {
+        let folder = tempfile::tempdir().expect("a temporary folder can be made");
+        let run = folder.path().join("run");
+        let on_device = {
+            let mut lab = lab_in(&run, Backend::Gpu, false, Arc::new(Listener::default()));
+            let mut operator = lab.operator(Part::Full).expect("the scene is traced");
+            solve(method, &mut operator, &b, &options).expect("the photos are taken")
+        };
+        let heard = Arc::new(Listener::default());
+        let mut lab = Lab::builder(&run).observer(heard.clone()).open().expect("the run is whole");
+        let mut operator = lab.operator(Part::Full).expect("the photos are there");
+        let again = solve(method, &mut operator, &b, &options).expect("the photos answer");
+        let said = heard.0.lock().expect("no other thread").clone();
+        assert!(!said.contains("model"), "{method:?}: {said}");
+        assert_eq!(on_device.stats, again.stats, "{method:?}");
+        assert!((on_device.residual - again.residual).abs() < 1e-12, "{method:?}");
+    }
+}
+
+#[test]
 fn a_run_on_the_device_that_was_stopped_goes_on_to_the_same_bits() {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let options = asked(EigsMethod::Lanczos, 30);
@@ -495,69 +528,76 @@ fn true_residual(assembled: &Assembled, x: &[f64], b: &[f64]) -> f64 {
     norm(&misfit) / norm(b)
 }
 
+/// The methods whose vectors may be on the device.
+const RESIDENT: [Method; 5] = [Method::Gmres, Method::Minres, Method::Cg, Method::Cgs, Method::BiCgStab];
+
 #[test]
-fn gmres_keeps_its_basis_on_the_device() {
+fn solvers_keep_their_vectors_on_the_device() {
     for (name, size) in [("corner", 16), ("cornell", 32), ("zigzag", 48)] {
         let (tracer, mut assembled) = scene(name, size);
         let b = photo_of_a_ramp(&assembled);
         let whole = SolveOptions { products: 40, rtol: 1e-7, ..SolveOptions::default() };
-        let cases = [
-            whole.clone(),
-            SolveOptions { restart: Some(7), ..whole.clone() },
-            SolveOptions { x0: Some(vec![0.5; b.len()]), ..whole },
-        ];
-        let solved = |operator: &mut dyn Operator, options: &SolveOptions| {
-            solve(Method::Gmres, operator, &b, options).expect("the products are taken")
+        let begun = SolveOptions { x0: Some(vec![0.5; b.len()]), ..whole.clone() };
+        let mut cases = vec![(Method::Gmres, SolveOptions { restart: Some(7), ..whole.clone() })];
+        for method in RESIDENT {
+            cases.extend([(method, whole.clone()), (method, begun.clone())]);
+        }
+        let solved = |operator: &mut dyn Operator, method, options: &SolveOptions| {
+            solve(method, operator, &b, options).expect("the products are taken")
         };
-        let on_host: Vec<Solution> =
-            cases.iter().map(|options| solved(&mut assembled.operator(Part::Full, 0), options)).collect();
+        let on_host = |(method, options): &(Method, SolveOptions)| {
+            solved(&mut assembled.operator(Part::Full, 0), *method, options)
+        };
+        let on_host: Vec<Solution> = cases.iter().map(on_host).collect();
         assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
-        for (options, host) in cases.iter().zip(&on_host) {
+        for ((method, options), host) in cases.iter().zip(&on_host) {
+            let what = format!("{name}, {method:?}");
             let mut watched = Watched::new(assembled.operator(Part::Full, 0));
-            let device = solved(&mut watched, options);
+            let device = solved(&mut watched, *method, options);
             // The residual of a first iterate is taken with the host.
-            assert_eq!(watched.with_host, usize::from(options.x0.is_some()), "{name}");
-            assert_eq!(watched.within + watched.with_host, device.stats.products, "{name}");
+            assert_eq!(watched.with_host, usize::from(options.x0.is_some()), "{what}");
+            assert_eq!(watched.within + watched.with_host, device.stats.products, "{what}");
             assert_eq!(
                 (device.stats.status, device.stats.products),
                 (host.stats.status, host.stats.products),
-                "{name}"
+                "{what}"
             );
             // Rounding of products and sums, relative to 1.
-            assert!((true_residual(&assembled, &device.x, &b) - device.residual).abs() < 1e-12, "{name}");
-            assert!((device.residual - host.residual).abs() < 1e-12, "{name}");
-            let again = solved(&mut assembled.operator(Part::Full, 0), options);
+            assert!((true_residual(&assembled, &device.x, &b) - device.residual).abs() < 1e-12, "{what}");
+            assert!((device.residual - host.residual).abs() < 1e-12, "{what}");
+            let again = solved(&mut assembled.operator(Part::Full, 0), *method, options);
             assert_eq!(
                 (&device.x, &device.history),
                 (&again.x, &again.history),
-                "{name}: the same bits again"
+                "{what}: the same bits again"
             );
         }
     }
 }
 
 #[test]
-fn gmres_goes_on_after_more_products_are_allowed_and_after_its_device_failed() {
+fn solvers_go_on_after_more_products_are_allowed_and_after_their_device_failed() {
     let (tracer, mut assembled) = scene("cornell", 16);
     let b = photo_of_a_ramp(&assembled);
     assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
-    let options = SolveOptions { products: 6, rtol: 1e-9, restart: Some(9), ..SolveOptions::default() };
-    let more = SolveOptions { products: 40, ..options.clone() };
-    let at_once =
-        solve(Method::Gmres, &mut assembled.operator(Part::Full, 0), &b, &more).expect("40 products");
-    // A solver that has room only for its first products moves its basis to the host.
-    for (made_for, fewest) in [(&options, 3), (&more, 30)] {
+    let with = |products| SolveOptions { products, rtol: 1e-9, restart: Some(9), ..SolveOptions::default() };
+    // GMRES that has room only for its first products moves its basis to the host.
+    let mut cases = vec![(Method::Gmres, 6, [6, 40], 3), (Method::Gmres, 40, [6, 40], 30)];
+    cases.extend(RESIDENT[1..].iter().map(|&method| (method, 9, [3, 9], 40)));
+    for (method, room, products, fewest) in cases {
+        let [options, more] = products.map(with);
+        let at_once = solve(method, &mut assembled.operator(Part::Full, 0), &b, &more).expect("the products");
         let mut failures = 0;
         for calls in 0.. {
             let mut watched = Watched::new(assembled.operator(Part::Full, 0));
-            let mut solver = Method::Gmres.solver(b.len(), &b, made_for).expect("good options");
-            solve_from(&mut solver, &mut ForwardOnly(&mut watched), &options).expect("6 products");
+            let mut solver = method.solver(b.len(), &b, &with(room)).expect("good options");
+            solve_from(&mut solver, &mut ForwardOnly(&mut watched), &options).expect("the first products");
             watched.calls.store(calls, Ordering::Relaxed);
             let went_on = solve_from(&mut solver, &mut ForwardOnly(&mut watched), &more);
             watched.calls.store(usize::MAX, Ordering::Relaxed);
             let best = solver.tally().relative(solver.tally().best);
             let found = true_residual(&assembled, &solver.solution(), &b);
-            assert!((found - best).abs() < 1e-12, "failure of call {calls}: {found:e} {best:e}");
+            assert!((found - best).abs() < 1e-12, "{method:?}, failure of call {calls}: {found:e} {best:e}");
             match went_on {
                 Ok(went_on) => {
                     assert!((went_on.residual - at_once.residual).abs() < 1e-12);
@@ -566,9 +606,9 @@ fn gmres_goes_on_after_more_products_are_allowed_and_after_its_device_failed() {
                 }
                 Err(error) => assert!(error.to_string().contains("the device was lost"), "{error}"),
             }
-            let options = SolveOptions { products: 80, ..options.clone() };
+            let twice = with(2 * more.products);
             let found =
-                solve_from(&mut solver, &mut ForwardOnly(&mut watched), &options).expect("80 products");
+                solve_from(&mut solver, &mut ForwardOnly(&mut watched), &twice).expect("the device is left");
             assert!(
                 watched.with_host > 0 && found.residual < 1.01 * at_once.residual.max(more.rtol),
                 "{}",
@@ -576,7 +616,7 @@ fn gmres_goes_on_after_more_products_are_allowed_and_after_its_device_failed() {
             );
             failures += 1;
         }
-        assert!(failures >= fewest, "{failures}");
+        assert!(failures >= fewest, "{method:?}: {failures}");
     }
 }
 
@@ -619,6 +659,18 @@ fn products_beyond_ordinary_size_are_taken_with_the_host() {
     let options = asked(EigsMethod::Lanczos, 40);
     let ordinary = found(&assembled, Part::Global, &options);
     assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+    let b = photo_of_a_ramp(&assembled);
+    let whole = SolveOptions { products: 12, ..SolveOptions::default() };
+    for method in RESIDENT {
+        let of_ordinary =
+            solve(method, &mut assembled.operator(Part::Full, 0), &b, &whole).expect("12 products");
+        let mut huge = Huge(assembled.operator(Part::Full, 0));
+        // One product within the device shows that the operator is huge.
+        let more = SolveOptions { products: 13, ..whole.clone() };
+        let of_huge = solve(method, &mut huge, &b, &more).expect("13 products");
+        assert_eq!(of_huge.stats.products, of_ordinary.stats.products + 1, "{method:?}");
+        assert!((of_huge.residual - of_ordinary.residual).abs() < 1e-12, "{method:?}");
+    }
     let huge =
         eigs(&mut Huge(assembled.operator(Part::Global, 0)), &options).expect("the process finds pairs");
     for (huge, ordinary) in huge.values.iter().zip(&ordinary.values) {

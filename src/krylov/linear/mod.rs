@@ -8,6 +8,7 @@ mod biconjugate;
 mod bidiagonal;
 mod cycle;
 mod gmres;
+mod place;
 mod symmetric;
 mod system;
 
@@ -166,8 +167,8 @@ pub struct Solution {
 ///
 /// # Errors
 /// The errors of [`Solver::step`]. The solver then holds all steps up to the product that failed: its [`solution`](Solver::solution) is
-/// valid, and another call continues from there. If the operator holds the vectors ([`Operator::vectors`]) and its memory fails, GMRES holds
-/// the steps up to its last restart.
+/// valid, and another call continues from there. If the operator holds the vectors ([`Operator::vectors`]) and its memory fails, the solver
+/// begins again, GMRES from its last restart.
 pub fn solve_from(
     solver: &mut Solver,
     operator: &mut dyn Adjoint,
@@ -281,8 +282,8 @@ impl Solver {
     ///
     /// # Errors
     /// The error of the product, and [`Error::Numerical`] for a product that holds NaN. The state is then as before the step, and the step
-    /// can be taken again with bitwise equal results. If the memory of the operator held the vectors of GMRES and failed, the state is that
-    /// of the last restart. [`Error::Dimension`] if the operator does not fit. [`Error::Numerical`] if the method
+    /// can be taken again with bitwise equal results. If the memory of the operator held the vectors and failed, the state is that before
+    /// the first step, or with GMRES that of the last restart. [`Error::Dimension`] if the operator does not fit. [`Error::Numerical`] if the method
     /// needs a symmetric operator and this operator is not declared symmetric. The error of the preconditioner; in this case a product may
     /// be lost.
     pub fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
@@ -294,7 +295,11 @@ impl Solver {
                 "{method} needs a symmetric operator (a coaxial rig's), and this one is not declared symmetric; GMRES does not"
             )));
         }
-        self.recurrence.step(&mut self.system, operator)
+        let stepped = self.recurrence.step(&mut self.system, operator);
+        if matches!(stepped, Err(Error::Device { .. })) && self.system.leave() {
+            self.recurrence.restart();
+        }
+        stepped
     }
 
     /// The products and residuals so far.
@@ -319,14 +324,21 @@ pub(crate) trait Recurrence: Send {
     /// Takes one step: at most one product.
     fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance>;
 
-    /// The best iterate so far, in the units of the system.
+    /// Forgets all steps, because the system is again that of the first step.
+    fn restart(&mut self) {}
+
+    /// The best iterate so far, in the units of the system. If it cannot be read, the result is an earlier iterate.
     fn iterate(&self, system: &System) -> Vec<f64> {
-        system.best.clone()
+        system.best_iterate().unwrap_or_else(|_| system.x.clone())
     }
 
     /// Works like [`Recurrence::iterate`]. If the iterate cannot be read, the state goes back to an earlier one.
     fn last_iterate(&mut self, system: &mut System) -> Result<Vec<f64>> {
-        Ok(self.iterate(system))
+        system.best_iterate().inspect_err(|_| {
+            if system.leave() {
+                self.restart();
+            }
+        })
     }
 }
 

@@ -1,9 +1,9 @@
 //! CG and MINRES, for symmetric operators.
 
+use super::place::At;
 use super::system::{System, rotation};
 use super::{Advance, Recurrence, SolveOptions, Solver, ended};
 use crate::error::Result;
-use crate::krylov::basis::{axpy, dot, norm, update, update2};
 use crate::krylov::completeness::Status;
 use crate::operator::Adjoint;
 
@@ -13,21 +13,28 @@ use crate::operator::Adjoint;
 ///
 /// `‖x − A⁻¹b‖_A` falls monotonically. `‖r‖` may rise, so the best iterate is returned. A step takes one product. The method ends with
 /// [`Status::Breakdown`] if a curvature `pᵀAp ≤ 0` shows that `A` is not positive definite. It ends with [`Status::NotSymmetric`] if
-/// `zᵀAp ≠ pᵀAp` (in exact arithmetic `p` and the previous direction are conjugate). The method stores seven `n`-vectors: `b, x`, the best
-/// `x`, `r, z, p` and `A p`.
+/// `zᵀAp ≠ pᵀAp` (in exact arithmetic `p` and the previous direction are conjugate). The method stores six `n`-vectors: `b, x`, the best
+/// `x`, `r, p` and `A p`; with a preconditioner also `M⁻¹ r`.
 ///
 /// References: Hestenes and Stiefel (1952), doi:10.6028/jres.049.044.
+#[derive(Default)]
 pub struct Cg {
-    /// `M⁻¹ r`.
-    z: Vec<f64>,
-    p: Vec<f64>,
     /// `rᵀ z` of the previous step; 0 at the start.
     rho: f64,
+    /// `‖r‖²`, if it is known for the current residual.
+    square: Option<f64>,
+    /// `‖p‖`.
+    length: f64,
     /// True if `p` was computed from the current residual.
     directed: bool,
     /// The relative noise of a product, from the options.
     noise: f64,
 }
+
+/// The direction of CG.
+const P: At = At::Own(0);
+/// `M⁻¹ r`, if there is a preconditioner.
+const Z: At = At::Own(1);
 
 impl Cg {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge symmetry, `noise` of the
@@ -37,10 +44,8 @@ impl Cg {
     /// [`Error::Dimension`](crate::Error::Dimension) if lengths differ, [`Error::Numerical`](crate::Error::Numerical) for NaN,
     /// [`Error::Option`](crate::Error::Option) for a preconditioner that is not positive definite or an impossible option.
     pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
-        let n = b.len();
-        let system = System::split("CG", true, n, b, options)?;
-        let recurrence =
-            Self { z: vec![0.0; n], p: vec![0.0; n], rho: 0.0, directed: false, noise: options.noise };
+        let system = System::split("CG", true, b.len(), b, options)?;
+        let recurrence = Self { noise: options.noise, ..Self::default() };
         Ok(Solver::new(system, recurrence).symmetric("CG"))
     }
 }
@@ -54,12 +59,17 @@ pub(super) fn symmetry_tolerance(noise: f64, error: f64, length: f64) -> f64 {
 
 impl Recurrence for Cg {
     fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
-        if system.open(operator)? {
+        let is_plain = system.inverse.is_identity();
+        if system.begin(operator, if is_plain { 1 } else { 2 })? {
             return Ok(Advance::Continuing);
         }
+        let z = if is_plain { At::R } else { Z };
         if !self.directed {
-            system.inverse.apply(&system.r, &mut self.z)?;
-            let rho = dot(&system.r, &self.z);
+            system.preconditioned(At::R, Z)?;
+            let rho = match self.square.filter(|_| is_plain) {
+                Some(square) => square,
+                None => system.inner(At::R, z)?,
+            };
             if rho <= 0.0 {
                 return Ok(Advance::Ended(if system.tally.residual == 0.0 {
                     Status::ReachedTolerance
@@ -68,27 +78,36 @@ impl Recurrence for Cg {
                 }));
             }
             let beta = if self.rho > 0.0 { rho / self.rho } else { 0.0 };
-            update(&mut self.p, &self.z, |p, z| z + beta * p);
+            system.combine(&[(1.0, z), (beta, P)], 1.0)?;
+            self.length = system.dots([])?.norm;
+            system.keep(P)?;
             self.rho = rho;
             self.directed = true;
         }
-        system.tally.product(operator, &self.p, &mut system.work)?;
-        let curvature = dot(&self.p, &system.work);
-        let asymmetry = (dot(&self.z, &system.work) - curvature).abs();
-        let length = norm(&system.work);
+        let product = system.multiply(operator, P, [P, z])?;
+        let [curvature, with_z] = product.with;
+        let asymmetry = (with_z - curvature).abs();
+        let length = product.norm;
         let tolerance = symmetry_tolerance(self.noise, system.tally.standard_error(operator), length);
-        if asymmetry > tolerance * norm(&self.z) * length {
+        if asymmetry > tolerance * system.length(z) * length {
             return ended(Status::NotSymmetric);
         }
-        if curvature <= f64::EPSILON * norm(&self.p) * length {
+        if curvature <= f64::EPSILON * self.length * length {
             return ended(Status::Breakdown("the operator is not positive definite"));
         }
         let alpha = self.rho / curvature;
-        axpy(alpha, &self.p, &mut system.x);
-        axpy(-alpha, &system.work, &mut system.r);
         self.directed = false;
-        system.note_residual();
+        system.combine(&[(1.0, At::R), (-alpha, At::Work)], 1.0)?;
+        let residual = system.dots([])?;
+        self.square = Some(residual.square);
+        system.keep(At::R)?;
+        system.combine(&[(1.0, At::X), (alpha, P)], 1.0)?;
+        system.accept(residual.norm)?;
         Ok(Advance::Continuing)
+    }
+
+    fn restart(&mut self) {
+        *self = Self { noise: self.noise, ..Self::default() };
     }
 }
 
@@ -108,23 +127,13 @@ const RISE: f64 = 1e-14;
 /// `‖r‖` in the norm of `M⁻¹` falls monotonically. Without a preconditioner, this norm is the reported residual. With a preconditioner, the
 /// best iterate in the 2-norm is returned. The true residual comes from a recurrence and costs no product. A step takes one product. The
 /// method ends where `‖A r‖` vanishes (a least-squares solution of a singular system). It also ends where `v_{j−1}ᵀ A v_j` differs from
-/// `β_j` by more than rounding or noise (the operator is not symmetric). The method stores twelve `n`-vectors: `b, x`, the best `x`, `r`,
-/// two Lanczos vectors, three preconditioned Lanczos vectors (these two and the next), two directions, and a product.
+/// `β_j` by more than rounding or noise (the operator is not symmetric). The method stores nine `n`-vectors: `b, x`, the best `x`, `r`,
+/// two Lanczos vectors, two directions, and a product; with a preconditioner also three preconditioned Lanczos vectors.
 ///
 /// References: Paige and Saunders (1975), doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements and Fast
 /// Iterative Solvers*, algorithm 4.1, doi:10.1093/acprof:oso/9780199678792.001.0001. O'Toole and Kutulakos introduce it for light transport
 /// compensation in section 6.2, and make all their results of compensation with it (section 8.3).
 pub struct Minres {
-    /// The previous and the current Lanczos vector, orthonormal in the inner product of `M⁻¹`.
-    v_old: Vec<f64>,
-    v: Vec<f64>,
-    /// `M⁻¹` times `v_old`, times `v`, and times the next Lanczos vector.
-    z_old: Vec<f64>,
-    z: Vec<f64>,
-    z_next: Vec<f64>,
-    /// The directions of the two previous steps.
-    w_old: Vec<f64>,
-    w: Vec<f64>,
     /// `β_j`, and `η`, the signed residual norm in the metric of `M⁻¹`.
     beta: f64,
     eta: f64,
@@ -138,35 +147,30 @@ pub struct Minres {
     noise: f64,
 }
 
+/// The current and the previous Lanczos vector, orthonormal in the inner product of `M⁻¹`.
+const V: [At; 2] = [At::Own(0), At::Own(1)];
+/// The directions of the two previous steps, the later one first.
+const W: [At; 2] = [At::Own(2), At::Own(3)];
+/// `M⁻¹` times the Lanczos vectors, and times the next one, if there is a preconditioner.
+const MV: [At; 2] = [At::Own(4), At::Own(5)];
+const MV_NEXT: At = At::Own(6);
+
 impl Minres {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge symmetry, `noise` of the
     /// options. Fails with the errors of [`Cg::solver`](crate::krylov::linear::Cg::solver).
     pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
-        let zero = vec![0.0; b.len()];
         let system = System::split("MINRES", true, b.len(), b, options)?;
-        let recurrence = Self {
-            v_old: zero.clone(),
-            v: zero.clone(),
-            z_old: zero.clone(),
-            z: zero.clone(),
-            z_next: zero.clone(),
-            w_old: zero.clone(),
-            w: zero,
-            beta: 0.0,
-            eta: 0.0,
-            cosines: [1.0; 2],
-            sines: [0.0; 2],
-            scale: 0.0,
-            started: false,
-            noise: options.noise,
-        };
-        Ok(Solver::new(system, recurrence).symmetric("MINRES"))
+        Ok(Solver::new(system, Self::new(options.noise)).symmetric("MINRES"))
+    }
+
+    fn new(noise: f64) -> Self {
+        Self { beta: 0.0, eta: 0.0, cosines: [1.0; 2], sines: [0.0; 2], scale: 0.0, started: false, noise }
     }
 
     /// Makes the first Lanczos vector, which is `r / ‖r‖` in the norm of `M⁻¹`.
-    fn start(&mut self, system: &System) -> Result<Option<Status>> {
-        system.inverse.apply(&system.r, &mut self.z)?;
-        let square = dot(&system.r, &self.z);
+    fn start(&mut self, system: &mut System) -> Result<Option<Status>> {
+        let z = system.preconditioned(At::R, MV[0])?;
+        let square = system.inner(At::R, z)?;
         if square <= 0.0 || !square.is_finite() {
             return Ok(Some(if system.tally.residual == 0.0 {
                 Status::ReachedTolerance
@@ -175,19 +179,36 @@ impl Minres {
             }));
         }
         let length = square.sqrt();
-        self.eta = length;
-        update(&mut self.v, &system.r, |_, r| r / length);
-        for z in &mut self.z {
-            *z /= length;
+        system.combine(&[(1.0, At::R)], length)?;
+        system.keep(V[0])?;
+        if z == MV[0] {
+            system.combine(&[(1.0, z)], length)?;
+            system.keep(z)?;
         }
+        self.eta = length;
         self.started = true;
         Ok(None)
+    }
+
+    /// Makes the next Lanczos vector from `w`, and its image from `image`, both of length `β`.
+    fn next_vector(system: &mut System, image: At, beta: f64) -> Result<()> {
+        // A vector of length 0 holds only rounding errors, and the space is invariant.
+        let (factor, divisor) = if beta > 0.0 { (1.0, beta) } else { (0.0, 1.0) };
+        system.keep(V[1])?;
+        system.combine(&[(factor, V[1])], divisor)?;
+        system.keep(V[1])?;
+        if image == MV_NEXT {
+            system.combine(&[(factor, image)], divisor)?;
+            system.keep(MV[1])?;
+        }
+        Ok(())
     }
 }
 
 impl Recurrence for Minres {
     fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
-        if system.open(operator)? {
+        let is_plain = system.inverse.is_identity();
+        if system.begin(operator, if is_plain { 4 } else { 7 })? {
             return Ok(Advance::Continuing);
         }
         if !self.started
@@ -195,21 +216,22 @@ impl Recurrence for Minres {
         {
             return Ok(Advance::Ended(status));
         }
-        system.tally.product(operator, &self.z, &mut system.work)?;
-        let length = norm(&system.work);
-        let alpha = dot(&system.work, &self.z);
-        let asymmetry =
-            if self.beta > 0.0 { (dot(&system.work, &self.z_old) - self.beta).abs() } else { 0.0 };
-        let tolerance = symmetry_tolerance(self.noise, system.tally.standard_error(operator), length);
-        if asymmetry > tolerance * length * norm(&self.z_old) {
+        let [z, z_old] = if is_plain { V } else { MV };
+        let product = system.multiply(operator, z, [z, z_old])?;
+        let [alpha, with_old] = product.with;
+        let beta = self.beta;
+        let asymmetry = if beta > 0.0 { (with_old - beta).abs() } else { 0.0 };
+        let error = system.tally.standard_error(operator);
+        let tolerance = symmetry_tolerance(self.noise, error, product.norm);
+        if asymmetry > tolerance * product.norm * if is_plain { 1.0 } else { system.length(z_old) } {
             return ended(Status::NotSymmetric);
         }
-        let beta = self.beta;
-        update2(&mut system.work, &self.v, &self.v_old, |q, v, old| q - alpha * v - beta * old);
-        system.inverse.apply(&system.work, &mut self.z_next)?;
-        let square = dot(&system.work, &self.z_next);
+        system.combine(&[(1.0, At::Work), (-alpha, V[0]), (-beta, V[1])], 1.0)?;
+        let image = system.preconditioned(At::Work, MV_NEXT)?;
+        let rest = system.dots([image])?;
+        let [square] = rest.with;
         let mut beta_next = square.max(0.0).sqrt();
-        if square < -f64::EPSILON * norm(&system.work) * norm(&self.z_next) {
+        if !is_plain && square < -f64::EPSILON * rest.norm * system.length(image) {
             return ended(Status::Breakdown("the preconditioner is not positive definite"));
         }
         self.scale = self.scale.max(alpha.hypot(beta).hypot(beta_next));
@@ -228,27 +250,30 @@ impl Recurrence for Minres {
         }
         let above = s1 * alpha + c0 * c1 * beta;
         let far = s0 * beta;
-        update2(&mut self.w_old, &self.z, &self.w, |old, z, w| (z - far * old - above * w) / rho);
-        std::mem::swap(&mut self.w_old, &mut self.w);
-        axpy(c * self.eta, &self.w, &mut system.x);
-        self.eta *= -s;
-        let eta = self.eta;
-        if beta_next > 0.0 {
-            update(&mut self.v_old, &system.work, |_, q| q / beta_next);
-            update(&mut self.z_old, &self.z_next, |_, z| z / beta_next);
-        } else {
-            self.v_old.fill(0.0);
-            self.z_old.fill(0.0);
+        Self::next_vector(system, image, beta_next)?;
+        system.combine(&[(1.0, z), (-far, W[1]), (-above, W[0])], rho)?;
+        system.keep(W[1])?;
+        system.exchange(W[0], W[1]);
+        system.exchange(V[0], V[1]);
+        if !is_plain {
+            system.exchange(MV[0], MV[1]);
         }
-        std::mem::swap(&mut self.v_old, &mut self.v);
-        std::mem::swap(&mut self.z_old, &mut self.z);
+        let moved = c * self.eta;
+        self.eta *= -s;
         self.beta = beta_next;
         self.cosines = [c, c1];
         self.sines = [s, s1];
         // r_j = s² r_{j−1} + c η v_{j+1}
-        update(&mut system.r, &self.v, |r, v| s * s * r + c * eta * v);
-        let before = system.tally.residual;
-        let rises = system.note_residual() > before * (1.0 + RISE) && system.inverse.is_identity();
+        system.combine(&[(s * s, At::R), (c * self.eta, V[0])], 1.0)?;
+        let residual = system.dots([])?.norm;
+        system.keep(At::R)?;
+        system.combine(&[(1.0, At::X), (moved, W[0])], 1.0)?;
+        let rises = residual > system.tally.residual * (1.0 + RISE) && is_plain;
+        system.accept(residual)?;
         Ok(if beta_next == 0.0 || rises { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
+    }
+
+    fn restart(&mut self) {
+        *self = Self::new(self.noise);
     }
 }

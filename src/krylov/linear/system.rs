@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::place::Place;
 use super::{Side, SolveOptions};
 use crate::error::{Error, Result};
 use crate::krylov::basis::{norm, update, update2};
@@ -128,6 +129,17 @@ impl Tally {
         }
     }
 
+    /// Records the residual norm of the current iterate. Returns true if the iterate is the best so far. If two residual norms are equal to
+    /// rounding, the later iterate is better: when `‖r‖` has reached the residual of a least-squares solution, `x` still converges.
+    pub(super) fn note(&mut self, residual: f64) -> bool {
+        self.residual = residual;
+        let is_best = residual <= self.best * (1.0 + 1e-12);
+        if is_best {
+            self.best = residual;
+        }
+        is_best
+    }
+
     /// The standard error of the last product, scaled by the same power of two as the product.
     pub(crate) fn standard_error(&self, operator: &dyn Adjoint) -> f64 {
         scaled(operator.standard_error(), self.multiplied)
@@ -153,6 +165,10 @@ pub struct System {
     is_divided: bool,
     pub(crate) work: Vec<f64>,
     pub(crate) inverse: Inverse,
+    /// The vectors of a short recurrence.
+    pub(super) place: Place,
+    /// True if these vectors may not be in the memory of the operator, because it failed or is not of ordinary size.
+    pub(super) has_left: bool,
 }
 
 /// `M⁻¹`, or the identity.
@@ -210,6 +226,8 @@ impl System {
             is_divided: !pending,
             pending,
             inverse: Inverse(options.preconditioner.clone()),
+            place: Place::Host(Vec::new()),
+            has_left: false,
         })
     }
 
@@ -299,12 +317,9 @@ impl System {
         residual
     }
 
-    /// Records the residual norm of the current iterate, and keeps the iterate if it is the best so far. If two residual norms are equal to
-    /// rounding, the later iterate is better: when `‖r‖` has reached the residual of a least-squares solution, `x` still converges.
+    /// Records the residual norm of the current iterate, and keeps the iterate if it is the best so far.
     pub(crate) fn note(&mut self, residual: f64) {
-        self.tally.residual = residual;
-        if residual <= self.tally.best * (1.0 + 1e-12) {
-            self.tally.best = residual;
+        if self.tally.note(residual) {
             update(&mut self.best, &self.x, |_, x| x);
         }
     }

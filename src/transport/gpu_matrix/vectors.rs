@@ -15,6 +15,12 @@ use crate::operator::{Product, Selection, Settling, Sums, Vectors};
 /// The bytes of a buffer of columns, unless a single column is larger.
 const CHUNK: u64 = 64 << 20;
 
+/// Up to this number of columns are in one buffer, so that they can be combined. It is the number of the vectors of short recurrences.
+const COMBINED: usize = 16;
+
+/// Stands for `w` in place of a column; `W` of `shaders/vectors.wgsl`.
+const W: u32 = u32::MAX;
+
 /// The entries of a block of sums; `ROWS` of `shaders/vectors.wgsl`.
 const ROWS: usize = 1024;
 
@@ -31,7 +37,8 @@ struct Part {
     place: u32,
     blocks: u32,
     square: u32,
-    padding: [u32; 2],
+    second: u32,
+    third: u32,
 }
 
 /// Columns `V` and a vector `w` in `f64`. Sums have a fixed order, which is not the order of the host. Results therefore repeat to the bit,
@@ -50,7 +57,7 @@ pub(in crate::transport) struct DeviceVectors {
     single: wgpu::Buffer,
     coefficients: Coefficients,
     sums: Results,
-    divide: Step,
+    combine: Step,
     gather: Step,
     of: Option<OfProduct>,
 }
@@ -76,27 +83,28 @@ struct Chunk {
 pub(super) fn kernels(gpu: &Gpu) -> Result<[Kernel; 6]> {
     gpu.kept("vectors", || {
         let buffers = [READ, READ, WRITE, WRITE];
-        let entry_points = ["remove", "divide", "dots", "gather", "write_selected", "read_selected"];
+        let entry_points = ["remove", "combine", "dots", "gather", "write_selected", "read_selected"];
         Kernel::all(gpu, "vectors", entry_points, &[], &buffers, |source| gpu.module("vectors", source))
     })
 }
 
-/// The coefficients of the columns in `w`, in the last column, and its divisor.
+/// The coefficients of the columns in `w`, in the last column, and those of the terms of a combination with its divisor.
 struct Coefficients {
     of_work: wgpu::Buffer,
     of_single: wgpu::Buffer,
-    divisor: wgpu::Buffer,
+    of_terms: wgpu::Buffer,
 }
 
 impl DeviceVectors {
     /// Makes room for `columns` columns of `rows` entries. Fails with [`Error::Device`] if the device has too little memory.
     pub(super) fn new(gpu: &Gpu, rows: usize, columns: usize) -> Result<Self> {
-        Self::in_chunks(gpu, rows, columns, CHUNK)
+        let bytes = 8 * (rows * columns) as u64;
+        Self::in_chunks(gpu, rows, columns, if columns <= COMBINED { bytes } else { CHUNK })
     }
 
     /// Works like [`DeviceVectors::new`], with buffers of at most this many bytes, and of at least one column.
     pub(super) fn in_chunks(gpu: &Gpu, rows: usize, columns: usize, chunk: u64) -> Result<Self> {
-        let [remove, divide, dots, gather, ..] = kernels(gpu)?;
+        let [remove, combine, dots, gather, ..] = kernels(gpu)?;
         let bytes = 8 * rows as u64;
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         let buffer = |label: &str, bytes: u64| gpu.buffer(label, bytes, usage);
@@ -105,7 +113,7 @@ impl DeviceVectors {
         let coefficients = Coefficients {
             of_work: buffer("coefficients", scalars)?,
             of_single: buffer("coefficients", scalars)?,
-            divisor: buffer("divisor", 8)?,
+            of_terms: buffer("terms", 32)?,
         };
         let partial = buffer("sums of blocks", scalars * rows.div_ceil(ROWS) as u64)?;
         let sums = Results::new(gpu, "sums", scalars)?;
@@ -124,9 +132,7 @@ impl DeviceVectors {
         };
         let chunks: Vec<Chunk> = (0..columns.max(1).div_ceil(together)).map(chunk).collect::<Result<_>>()?;
         let first = &chunks[0].columns;
-        let mut divided = step(&divide, [first, &coefficients.divisor, &work, &single])?;
-        let part = Part { rows: rows as u32, ..Part::default() };
-        divided.change(gpu, &part, rows.div_ceil(INVOCATIONS) as u32)?;
+        let combine = step(&combine, [first, &coefficients.of_terms, &work, &single])?;
         let gather = step(&gather, [first, &coefficients.of_work, &sums.buffer, &partial])?;
         let gpu = gpu.clone();
         Ok(Self {
@@ -140,7 +146,7 @@ impl DeviceVectors {
             single,
             coefficients,
             sums,
-            divide: divided,
+            combine,
             gather,
             of: None,
         })
@@ -212,6 +218,30 @@ impl DeviceVectors {
     fn place(&self, index: usize) -> (&wgpu::Buffer, u64) {
         let place = (index % self.together) as u64 * self.bytes();
         (&self.chunks[index / self.together].columns, place)
+    }
+
+    /// Computes `(Σ c v)/divisor`, as [`Vectors::combine`], and copies it to a column, or to `w`.
+    fn combined(&mut self, terms: &[(f64, Option<usize>)], divisor: f64, to: Option<usize>) -> Result<()> {
+        let at = |term: usize| match terms.get(term) {
+            Some(&(_, Some(column))) => column as u32,
+            _ => W,
+        };
+        if terms.iter().any(|(_, column)| column.is_some_and(|column| column >= self.together)) {
+            return Err(made_elsewhere());
+        }
+        let (rows, columns) = (self.rows as u32, terms.len() as u32);
+        let part = Part { rows, columns, first: at(0), second: at(1), third: at(2), ..Part::default() };
+        self.combine.change(&self.gpu, &part, self.rows.div_ceil(INVOCATIONS) as u32)?;
+        let mut coefficients = [0.0, 0.0, 0.0, divisor];
+        coefficients.iter_mut().zip(terms).for_each(|(coefficient, (c, _))| *coefficient = *c);
+        self.gpu.submit("combination", |encoder| {
+            let coefficients = bytemuck::bytes_of(&coefficients);
+            self.gpu.queue.write_buffer(&self.coefficients.of_terms, 0, coefficients);
+            Step::record(&self.gpu, "combination", [&self.combine], encoder);
+            let (to, place) = to.map_or((&self.work, 0), |column| self.place(column));
+            encoder.copy_buffer_to_buffer(&self.single, 0, to, place, self.bytes());
+        })?;
+        Ok(())
     }
 
     /// The parts of the chunks from the first of these columns to the last. The first column's coefficient or sum is at `place`.
@@ -325,16 +355,26 @@ impl Vectors for DeviceVectors {
             )));
         }
         let (column, place) = self.place(self.columns);
-        self.gpu.submit("column", |encoder| {
-            // A division by 1 would give the same bits, but Vulkan does not promise it.
-            let from = if divisor == 1.0 { &self.work } else { &self.single };
-            if divisor != 1.0 {
-                self.gpu.queue.write_buffer(&self.coefficients.divisor, 0, &divisor.to_ne_bytes());
-                Step::record(&self.gpu, "column", [&self.divide], encoder);
-            }
-            encoder.copy_buffer_to_buffer(from, 0, column, place, self.bytes());
-        })?;
+        if divisor == 1.0 {
+            self.gpu.submit("column", |encoder| {
+                encoder.copy_buffer_to_buffer(&self.work, 0, column, place, self.bytes());
+            })?;
+        } else {
+            self.combined(&[(1.0, None)], divisor, Some(self.columns))?;
+        }
         self.columns += 1;
+        Ok(())
+    }
+
+    fn combine(&mut self, terms: &[(f64, Option<usize>)], divisor: f64) -> Result<()> {
+        self.combined(terms, divisor, None)
+    }
+
+    fn keep(&mut self, index: usize) -> Result<()> {
+        let (column, place) = self.place(index);
+        self.gpu.submit("column", |encoder| {
+            encoder.copy_buffer_to_buffer(&self.work, 0, column, place, self.bytes());
+        })?;
         Ok(())
     }
 
@@ -375,8 +415,9 @@ mod tests {
 
     #[test]
     fn parts_lie_as_the_shader_reads_them() {
-        assert_layout!("vectors", "Part", Part: rows, first, columns, place, blocks, square, padding);
+        assert_layout!("vectors", "Part", Part: rows, first, columns, place, blocks, square, second, third);
         assert_constant("vectors", "ROWS", ROWS as u32);
+        assert_constant("vectors", "W", W);
         assert_constant("vectors", "INVOCATIONS", INVOCATIONS as u32);
     }
 }

@@ -1,0 +1,270 @@
+//! The vectors of a short recurrence, in the host's memory or in that of the operator.
+
+use super::system::System;
+use crate::error::Result;
+use crate::krylov::basis::{dot, norm, norm_of_square, update, update2};
+use crate::operator::{Adjoint, Sums, Vectors};
+
+/// A vector of a short recurrence, for a square operator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum At {
+    /// `w`, which products and combinations overwrite.
+    Work,
+    /// The iterate.
+    X,
+    /// The residual.
+    R,
+    /// A vector of the method.
+    Own(usize),
+}
+
+/// Inner products with `w`.
+pub(super) struct Dots<const K: usize> {
+    /// `vᵀ w` for the vectors that were asked for.
+    pub(super) with: [f64; K],
+    /// `wᵀ w`.
+    pub(super) square: f64,
+    /// `‖w‖`.
+    pub(super) norm: f64,
+}
+
+/// The vectors of a method.
+pub(super) enum Place {
+    /// Each vector is in the host's memory. It is empty until the first step.
+    Host(Vec<Vec<f64>>),
+    /// All vectors are in the memory of the operator. The second field holds the columns of `x`, the best `x`, `r` and the method's own
+    /// vectors. The system holds `x` and `r` as they were at the first step.
+    Resident(Box<dyn Vectors>, Vec<usize>),
+}
+
+/// The number of vectors that every method has in the memory of the operator.
+const COMMON: usize = 3;
+
+/// The column of a vector, or `None` for `w`.
+fn column(columns: &[usize], at: At) -> Option<usize> {
+    match at {
+        At::Work => None,
+        At::X => Some(columns[0]),
+        At::R => Some(columns[2]),
+        At::Own(index) => Some(columns[COMMON + index]),
+    }
+}
+
+fn picked<const K: usize>(columns: &[usize], (sums, norm): &Sums, with: [At; K]) -> Dots<K> {
+    let square = norm * norm;
+    let with = with.map(|at| column(columns, at).map_or(square, |column| sums[column]));
+    Dots { with, square, norm: *norm }
+}
+
+/// The vectors of the short recurrences.
+impl System {
+    /// Takes the residual of the first iterate if it is not known yet: one product. Returns true if this call took the residual. Otherwise
+    /// makes the vectors of the method if it has none yet, in the memory of the operator where it has one, and if there is no preconditioner,
+    /// which would work on the host.
+    pub(super) fn begin(&mut self, operator: &mut dyn Adjoint, own: usize) -> Result<bool> {
+        if self.open(operator)? {
+            return Ok(true);
+        }
+        if !matches!(&self.place, Place::Host(vectors) if vectors.is_empty()) {
+            return Ok(false);
+        }
+        let may_reside = !self.has_left && self.inverse.is_identity();
+        let is_ordinary = self.tally.operator_power.unwrap_or(0) == 0;
+        let made = match may_reside && is_ordinary {
+            true => operator.vectors(COMMON + own, None)?,
+            false => None,
+        };
+        self.place = match made {
+            Some(mut vectors) => {
+                for vector in [&self.x, &self.x, &self.r] {
+                    vectors.load(vector)?;
+                    vectors.push(1.0)?;
+                }
+                self.work.fill(0.0);
+                vectors.load(&self.work)?;
+                (0..own).try_for_each(|_| vectors.push(1.0))?;
+                Place::Resident(vectors, (0..COMMON + own).collect())
+            }
+            None => Place::Host(vec![vec![0.0; self.x.len()]; own]),
+        };
+        Ok(false)
+    }
+
+    /// Gives up the memory of the operator, which has failed. The iterate and the residual are those of the first step. Returns true if the
+    /// vectors were there.
+    pub(super) fn leave(&mut self) -> bool {
+        let is_resident = matches!(self.place, Place::Resident(..));
+        if is_resident {
+            self.has_left = true;
+            self.place = Place::Host(Vec::new());
+            self.best.copy_from_slice(&self.x);
+            self.tally.residual = norm(&self.r);
+            self.tally.best = self.tally.residual;
+        }
+        is_resident
+    }
+
+    /// Moves all vectors to the host's memory.
+    fn download(&mut self) -> Result<()> {
+        let Place::Resident(vectors, columns) = &self.place else { return Ok(()) };
+        let mut read = columns.iter().map(|&column| Ok(vectors.column(column)?.into_owned()));
+        let mut next = || read.next().unwrap_or_else(|| Ok(Vec::new()));
+        let common = [next()?, next()?, next()?];
+        let own = read.collect::<Result<_>>()?;
+        [self.x, self.best, self.r] = common;
+        (self.place, self.has_left) = (Place::Host(own), true);
+        Ok(())
+    }
+
+    /// A vector in the host's memory. Only the method's own vectors are elsewhere if the vectors are in the memory of the operator.
+    fn host(&self, at: At) -> &[f64] {
+        match (at, &self.place) {
+            (At::X, _) => &self.x,
+            (At::R, _) => &self.r,
+            (At::Own(index), Place::Host(own)) => &own[index],
+            _ => &self.work,
+        }
+    }
+
+    /// The memory of a vector, as [`System::host`].
+    fn host_mut(&mut self, at: At) -> &mut Vec<f64> {
+        match (at, &mut self.place) {
+            (At::X, _) => &mut self.x,
+            (At::R, _) => &mut self.r,
+            (At::Own(index), Place::Host(own)) => &mut own[index],
+            _ => &mut self.work,
+        }
+    }
+
+    /// `w ← A v`. Returns the inner products with `w`.
+    pub(super) fn multiply<const K: usize>(
+        &mut self,
+        operator: &mut dyn Adjoint,
+        of: At,
+        with: [At; K],
+    ) -> Result<Dots<K>> {
+        if let Place::Resident(vectors, columns) = &mut self.place
+            && let Some(of) = column(columns, of)
+        {
+            if let Some(sums) = self.tally.product_within(operator, &mut **vectors, of)? {
+                return Ok(picked(columns, &sums, with));
+            }
+            // The operator is not of ordinary size.
+            self.download()?;
+        }
+        let vector = std::mem::take(self.host_mut(of));
+        let taken = self.tally.product(operator, &vector, &mut self.work);
+        *self.host_mut(of) = vector;
+        taken.and_then(|()| self.dots(with))
+    }
+
+    /// The inner products with `w`.
+    pub(super) fn dots<const K: usize>(&mut self, with: [At; K]) -> Result<Dots<K>> {
+        if let Place::Resident(vectors, columns) = &mut self.place {
+            return Ok(picked(columns, &vectors.dots_and_norm(0)?, with));
+        }
+        let w = &self.work;
+        let square = dot(w, w);
+        let with = with.map(|at| if at == At::Work { square } else { dot(self.host(at), w) });
+        Ok(Dots { with, square, norm: norm_of_square(square, w) })
+    }
+
+    /// `w ← (Σ c v)/divisor`, for one to three terms `(c, v)` in the order of the sum. Of three terms, `w` can only be the first, and it is
+    /// never the only one.
+    pub(super) fn combine(&mut self, terms: &[(f64, At)], divisor: f64) -> Result<()> {
+        if let Place::Resident(vectors, columns) = &mut self.place {
+            let terms: Vec<_> = terms.iter().map(|&(c, at)| (c, column(columns, at))).collect();
+            return vectors.combine(&terms, divisor);
+        }
+        let mut w = std::mem::take(&mut self.work);
+        let mut others = terms.to_vec();
+        let mut of_w = others.iter().position(|(_, at)| *at == At::Work).map(|index| others.remove(index).0);
+        if of_w.is_none() && others.len() > 2 {
+            let (c, first) = others.remove(0);
+            update(&mut w, self.host(first), |_, v| v);
+            of_w = Some(c);
+        }
+        let vectors: Vec<(f64, &[f64])> = others.iter().map(|&(c, at)| (c, self.host(at))).collect();
+        match (of_w, &vectors[..]) {
+            (None, &[(c, v)]) => update(&mut w, v, |_, v| c * v / divisor),
+            (None, &[(c, u), (d, v)]) => update2(&mut w, u, v, |_, u, v| (c * u + d * v) / divisor),
+            (Some(a), &[(c, v)]) => update(&mut w, v, |w, v| (a * w + c * v) / divisor),
+            (Some(a), &[(c, u), (d, v)]) => {
+                update2(&mut w, u, v, |w, u, v| (a * w + c * u + d * v) / divisor);
+            }
+            _ => debug_assert!(false, "one to three terms, and not only w"),
+        }
+        self.work = w;
+        Ok(())
+    }
+
+    /// `v ← w`. Afterwards, `w` is unspecified.
+    pub(super) fn keep(&mut self, at: At) -> Result<()> {
+        if let Place::Resident(vectors, columns) = &mut self.place {
+            return column(columns, at).map_or(Ok(()), |column| vectors.keep(column));
+        }
+        self.exchange(at, At::Work);
+        Ok(())
+    }
+
+    /// Exchanges two vectors. In the memory of the operator, neither may be `w`.
+    pub(super) fn exchange(&mut self, a: At, b: At) {
+        if let Place::Resident(_, columns) = &mut self.place {
+            let index = |at| column(columns, at).and_then(|of| columns.iter().position(|&other| other == of));
+            if let (Some(a), Some(b)) = (index(a), index(b)) {
+                columns.swap(a, b);
+            }
+            return;
+        }
+        let mut vector = std::mem::take(self.host_mut(a));
+        std::mem::swap(self.host_mut(b), &mut vector);
+        *self.host_mut(a) = vector;
+    }
+
+    /// `x ← w`, an iterate whose residual has this norm. Keeps it also as the best iterate if it is. Afterwards, `w` is unspecified.
+    pub(super) fn accept(&mut self, residual: f64) -> Result<()> {
+        if let Place::Resident(vectors, columns) = &mut self.place {
+            // If the memory fails, the system is that of the first step again.
+            if self.tally.note(residual) {
+                vectors.keep(columns[1])?;
+            }
+            return vectors.keep(columns[0]);
+        }
+        self.exchange(At::X, At::Work);
+        self.note(residual);
+        Ok(())
+    }
+
+    /// `uᵀ v`. Overwrites `w` if the vectors are in the memory of the operator.
+    pub(super) fn inner(&mut self, u: At, v: At) -> Result<f64> {
+        if matches!(self.place, Place::Host(_)) {
+            return Ok(dot(self.host(u), self.host(v)));
+        }
+        self.combine(&[(1.0, u)], 1.0)?;
+        Ok(self.dots([v])?.with[0])
+    }
+
+    /// `‖v‖` of the residual or of a preconditioned vector, which is in the host's memory.
+    pub(super) fn length(&self, at: At) -> f64 {
+        if at == At::R { self.tally.residual } else { norm(self.host(at)) }
+    }
+
+    /// Returns the place of `M⁻¹ v`: `to`, or `v` itself if there is no preconditioner.
+    pub(super) fn preconditioned(&mut self, v: At, to: At) -> Result<At> {
+        if self.inverse.is_identity() {
+            return Ok(v);
+        }
+        let mut image = std::mem::take(self.host_mut(to));
+        let applied = self.inverse.apply(self.host(v), &mut image);
+        *self.host_mut(to) = image;
+        applied.map(|()| to)
+    }
+
+    /// A copy of the best iterate.
+    pub(super) fn best_iterate(&self) -> Result<Vec<f64>> {
+        match &self.place {
+            Place::Resident(vectors, columns) => Ok(vectors.column(columns[1])?.into_owned()),
+            Place::Host(_) => Ok(self.best.clone()),
+        }
+    }
+}
