@@ -85,6 +85,35 @@ fn combine(
     }
 }
 
+// w ← v w, entry by entry, for the first column v.
+@compute @workgroup_size(256)
+fn scale_by(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) index: u32,
+) {
+    let row = row_of(group, groups, index);
+    if (row < part.rows) {
+        w[row] *= entry(part.first, row);
+    }
+}
+
+// Moves each entry of w between two multiples of the first column's entry, whose factors are the coefficients.
+@compute @workgroup_size(256)
+fn clip_by(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) index: u32,
+) {
+    let row = row_of(group, groups, index);
+    if (row < part.rows) {
+        let lower = coefficients[0] * entry(part.first, row);
+        let upper = coefficients[1] * entry(part.first, row);
+        let value = w[row];
+        w[row] = select(select(value, lower, value < lower), upper, value > upper);
+    }
+}
+
 // The inner products of w with the columns over a block of rows, which a workgroup keeps. 32 lanes share a column.
 @compute @workgroup_size(256)
 fn dots(

@@ -164,6 +164,9 @@ impl LightTransport {
             Engine::Replayed(traced) if self.may_reside => {
                 let made = traced.operator(part, channel).vectors(columns, selection)?;
                 self.may_reside = made.is_some();
+                if let Some(journal) = self.journal.as_mut().filter(|_| self.may_reside) {
+                    journal.note(notes::ON_DEVICE, &[])?;
+                }
                 if made.is_none() && traced.is_on_gpu() && self.shape.photos == self.shape.patterns {
                     self.observer.note(format_args!(
                         "note: the device has no room for {columns} vectors, which stay in the memory of the processor"
@@ -194,7 +197,6 @@ impl LightTransport {
             let of = (part, channel);
             let name = if is_confirming { confirming_name(of) } else { product_name(part, channel) };
             let known = journal.damages().len();
-            journal.note(notes::ON_DEVICE, &[])?;
             JournaledOperator::keep(journal, name, &product)?;
             warn_of_new_damages(journal, known, observer);
         }

@@ -61,6 +61,19 @@ pub trait Vectors: Any + Send {
         Err(made_elsewhere())
     }
 
+    /// `wᵢ ← vᵢ wᵢ` for column `index`. Fails as [`Vectors::combine`].
+    fn scale_by(&mut self, index: usize) -> Result<()> {
+        let _ = index;
+        Err(made_elsewhere())
+    }
+
+    /// Moves each `wᵢ` into the interval from `lower · vᵢ` to `upper · vᵢ`, for column `index` without negative entries. Fails as
+    /// [`Vectors::combine`].
+    fn clip_by(&mut self, index: usize, (lower, upper): (f64, f64)) -> Result<()> {
+        let _ = (index, lower, upper);
+        Err(made_elsewhere())
+    }
+
     /// The last product that [`Operator::apply_within`](super::Operator::apply_within) computed in these vectors: `x` and `A x`, of all `n`
     /// entries, also with a selection. Fails as [`Vectors::column`]. The default, for vectors in the host's memory, always fails.
     fn product(&self) -> Result<Product> {

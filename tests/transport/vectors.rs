@@ -258,6 +258,16 @@ impl Vectors for Limited {
         self.inner.keep(index)
     }
 
+    fn scale_by(&mut self, index: usize) -> Result<()> {
+        self.call()?;
+        self.inner.scale_by(index)
+    }
+
+    fn clip_by(&mut self, index: usize, bounds: (f64, f64)) -> Result<()> {
+        self.call()?;
+        self.inner.clip_by(index, bounds)
+    }
+
     fn dots_and_norm(&mut self, first: usize) -> Result<Sums> {
         self.call()?;
         self.inner.dots_and_norm(first)
@@ -617,6 +627,51 @@ fn solvers_go_on_after_more_products_are_allowed_and_after_their_device_failed()
             failures += 1;
         }
         assert!(failures >= fewest, "{method:?}: {failures}");
+    }
+}
+
+#[test]
+fn krylov_box_solves_its_box_problems_on_the_device_and_goes_on_without_it() {
+    for (name, size) in [("corner", 16), ("cornell", 32), ("zigzag", 48)] {
+        let (tracer, mut assembled) = scene(name, size);
+        // Twice the photo of a ramp is too bright for a pattern below 1 in some pixels, and the dark ones need light below 0.1.
+        let b: Vec<f64> = photo_of_a_ramp(&assembled).iter().map(|value| 2.0 * value).collect();
+        let mut white = vec![0.0; b.len()];
+        assembled.matrix.apply(Part::Full, 0, &vec![1.0; b.len()], &mut white);
+        let whole = SolveOptions { products: 14, rtol: 1e-6, ..SolveOptions::default() };
+        let cases = [
+            SolveOptions { lower: 0.1, ..whole.clone() },
+            SolveOptions { upper: f64::INFINITY, x0: Some(vec![0.5; b.len()]), ..whole.clone() },
+            SolveOptions { diagonal: Some(white), ..whole },
+        ];
+        let solved = |operator: &mut dyn Operator, options: &SolveOptions| {
+            solve(Method::KrylovBox, operator, &b, options).expect("the products are taken")
+        };
+        let on_host: Vec<Solution> =
+            cases.iter().map(|options| solved(&mut assembled.operator(Part::Full, 0), options)).collect();
+        assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+        for (options, host) in cases.iter().zip(&on_host) {
+            let mut watched = Watched::new(assembled.operator(Part::Full, 0));
+            let device = solved(&mut watched, options);
+            let calls = usize::MAX - watched.calls.load(Ordering::Relaxed);
+            assert!(calls > 500, "{name}: {calls} calls of the device's memory");
+            assert_eq!(device.stats, host.stats, "{name}");
+            let again = solved(&mut assembled.operator(Part::Full, 0), options);
+            assert_eq!(
+                (&device.x, &device.history),
+                (&again.x, &again.history),
+                "{name}: the same bits again"
+            );
+            // The iteration of a box problem ends at steps of 1e-6.
+            assert!((device.residual - host.residual).abs() < 1e-6, "{name}");
+            for failing in [0, 1, 10, calls / 5, calls / 2, calls - 1] {
+                let mut watched = Watched::new(assembled.operator(Part::Full, 0));
+                watched.calls.store(failing, Ordering::Relaxed);
+                let found = solved(&mut watched, options);
+                assert_eq!(found.stats, host.stats, "{name}, failure of call {failing}");
+                assert!((found.residual - host.residual).abs() < 1e-6, "{name}, failure of call {failing}");
+            }
+        }
     }
 }
 

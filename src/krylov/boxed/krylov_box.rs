@@ -1,12 +1,12 @@
-//! Krylov-box, a Krylov method with bounds, and the solver of its box problem (the least-squares problem of its model inside the box).
+//! Krylov-box, a Krylov method with bounds.
 
 use std::sync::Arc;
 
-use super::model::{SecantModel, Surrogate, WorkVectors};
-use super::sweep::SweptRow;
-use super::{Bounds, Boxed};
+use super::Boxed;
+use super::model::{SecantModel, Surrogate};
+use super::resident::Resident;
 use crate::error::{Error, Result};
-use crate::krylov::basis::{axpy, dot, norm, update, update2};
+use crate::krylov::basis::{axpy, dot, update, update2};
 use crate::krylov::completeness::Status;
 use crate::krylov::linear::{Advance, Recurrence, SolveOptions, Solver, System, ended};
 use crate::operator::{Adjoint, Symmetry};
@@ -24,7 +24,9 @@ use crate::operator::{Adjoint, Symmetry};
 /// and the method may stop away from the optimum. A [`SolveOptions::surrogate`], which has a transpose, then reduces the distance to the
 /// optimum. All patterns are inside the box, except residuals, which are signed. The method ends when the model knows `A r` and predicts no
 /// gain beyond `rtol`. After `k` products the method stores `2k` `n`-vectors (two more for a white photo in the options); `b, x`, the best
-/// `x`, `r, D, D^½`, the candidate, a product and four work vectors (five for an operator that is not symmetric).
+/// `x`, `r, D, D^½`, the candidate, a product and four work vectors (five for an operator that is not symmetric). If the operator
+/// has a memory of its own ([`Operator::vectors`](crate::operator::Operator::vectors)), a copy of a symmetric model there solves the box
+/// problems, and the host goes on if that memory fails.
 ///
 /// References: The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for all pairs at once:
 /// Dennis and Moré (1977), doi:10.1137/1019005. Minimal residuals over all products taken: Eirola and Nevanlinna (1989),
@@ -33,6 +35,8 @@ pub struct KrylovBox {
     boxed: Boxed,
     white_known: bool,
     model: Option<SecantModel>,
+    /// The copy of a symmetric model that solves its box problems, if the operator has a memory for it.
+    resident: Option<Resident>,
     candidate: Vec<f64>,
     next: Next,
     rtol: f64,
@@ -78,6 +82,7 @@ impl KrylovBox {
             boxed,
             white_known: options.diagonal.is_some(),
             model: None,
+            resident: None,
             candidate: vec![0.0; b.len()],
             next: Next::Start,
             rtol: options.rtol,
@@ -118,6 +123,11 @@ impl Recurrence for KrylovBox {
                 } else if self.white_known {
                     model.learn(&ones, &self.boxed.diagonal);
                 }
+                if symmetric {
+                    let made = Resident::new(operator, &model.root, &system.b, self.capacity);
+                    // A memory that fails is as good as none.
+                    self.resident = made.unwrap_or_default();
+                }
                 none.insert(model)
             }
         };
@@ -126,7 +136,16 @@ impl Recurrence for KrylovBox {
         }
         if self.next == Next::Plan {
             self.candidate.copy_from_slice(&system.x);
-            let predicted = model.minimize(&system.b, self.boxed.bounds, &mut self.candidate);
+            let bounds = self.boxed.bounds;
+            let resident = self.resident.as_mut();
+            let predicted = match resident.map(|of| of.minimize(model, bounds, &mut self.candidate)) {
+                Some(Ok(predicted)) => predicted,
+                _ => {
+                    // The host goes on where that memory fails.
+                    self.resident = None;
+                    model.minimize(&system.b, bounds, &mut self.candidate)?
+                }
+            };
             let residual = system.tally.residual;
             self.next = if predicted <= residual * (1.0 - self.rtol.max(f64::EPSILON)) {
                 Next::Candidate
@@ -171,188 +190,5 @@ impl Recurrence for KrylovBox {
             }
         }
         Ok(Advance::Continuing)
-    }
-}
-
-/// The largest number of iterations. The loop ends earlier when the iterate settles.
-const ITERATIONS: usize = 400;
-
-/// The iteration ends when its relative step is below this value. Its result is photographed next, and this photo corrects even larger
-/// errors.
-const SETTLED: f64 = 1e-6;
-
-/// The largest number of steps of a power iteration.
-const POWERS: usize = 12;
-
-/// A power iteration ends when its estimate, the norm of the image of a unit vector, grows by at most this factor per step. The estimate
-/// never falls, and [`MARGIN`] covers its further growth.
-const GROWTH: f64 = 1.001;
-
-/// The factor by which the estimate of a power iteration is increased, to become a bound.
-const MARGIN: f64 = 1.1;
-
-/// The weight of Nesterov's momentum. It changes in each iteration.
-struct Momentum(f64);
-
-impl Momentum {
-    /// Returns the next weight. If the last step went `uphill`, the momentum restarts.
-    fn next(&mut self, uphill: bool) -> f64 {
-        if uphill {
-            self.0 = 1.0;
-        }
-        let next = 0.5 * (1.0 + (1.0 + 4.0 * self.0 * self.0).sqrt());
-        let weight = (self.0 - 1.0) / next;
-        self.0 = next;
-        weight
-    }
-}
-
-impl SecantModel {
-    /// `x ← argmin ‖M x − b‖` over the box, starting from `x`. Returns `‖M x − b‖`.
-    fn minimize(&mut self, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
-        // The work vectors are moved out, because the model is borrowed meanwhile.
-        let mut work = std::mem::take(&mut self.work);
-        if let Some(surrogate) = &mut self.surrogate {
-            surrogate.catch_up(&self.root, &self.patterns, &self.products);
-            self.doubt = surrogate.missed_square(&self.root);
-        }
-        let predicted = if self.symmetric {
-            self.minimize_symmetric(&mut work, b, bounds, x)
-        } else {
-            self.minimize_general(&mut work, b, bounds, x)
-        };
-        self.work = work;
-        predicted
-    }
-
-    /// Minimizes with a symmetric model. Reads patterns and products once per iteration. All vectors are in the coordinates `u = D^½ x`.
-    fn minimize_symmetric(&self, work: &mut WorkVectors, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
-        let WorkVectors { u, y: before, g: constant, dominant, .. } = work;
-        let lipschitz = self.lipschitz_symmetric(dominant, before);
-        // M̂ D^½ b
-        update2(before, b, &self.root, |_, b, s| s * b);
-        self.apply(true, before, constant);
-        update2(u, x, &self.root, |_, x, s| x * s);
-        let mut of_u = self.coordinates(u);
-        if lipschitz <= 0.0 {
-            return self.misfit(u, &of_u, b, before);
-        }
-        before.copy_from_slice(u);
-        let mut of_before = of_u.clone();
-        let mut momentum = Momentum(1.0);
-        let mut weight = 0.0;
-        for _ in 0..ITERATIONS {
-            let of_y = of_u.combined(1.0 + weight, &of_before, -weight);
-            let swept =
-                self.sweep((1.0 + weight, u), (-weight, before), &of_y, |SweptRow { index, y, product }| {
-                    let s = self.root[index];
-                    let g = product - constant[index];
-                    ((y - g / lipschitz).max(bounds.lower * s).min(bounds.upper * s), g)
-                });
-            std::mem::swap(u, before);
-            of_before = std::mem::replace(&mut of_u, swept.coordinates);
-            weight = momentum.next(swept.slope > 0.0);
-            if swept.step <= SETTLED * swept.norm {
-                break;
-            }
-        }
-        let predicted = self.misfit(u, &of_u, b, before);
-        update2(x, u, &self.root, |_, u, s| bounds.clip(u / s));
-        predicted
-    }
-
-    /// A bound on `‖D^½ M̂‖²`: the estimate of a few power iterations, plus ten percent. The iterations start from `u`, the final vector
-    /// for the previous model, because one more photo changes it little. If `u` is zero, they start from the white pattern. `v` is
-    /// overwritten.
-    fn lipschitz_symmetric(&self, u: &mut Vec<f64>, v: &mut Vec<f64>) -> f64 {
-        let mut length = norm(u);
-        if length == 0.0 {
-            u.copy_from_slice(&self.root);
-            length = norm(u);
-        }
-        v.fill(0.0);
-        let mut of_u = self.coordinates(u);
-        let mut square = 0.0_f64;
-        for _ in 0..POWERS {
-            if length == 0.0 || !length.is_finite() {
-                return 0.0;
-            }
-            let of_y = of_u.combined(length.recip(), &of_u, 0.0);
-            let swept = self
-                .sweep((length.recip(), u), (0.0, v), &of_y, |SweptRow { product, .. }| (product, product));
-            std::mem::swap(u, v);
-            of_u = swept.coordinates;
-            length = swept.norm;
-            let settled = length <= GROWTH * square;
-            square = length;
-            if settled {
-                break;
-            }
-        }
-        MARGIN * square.max(self.outside())
-    }
-
-    /// A bound on `‖D^½ M̂‖²` for vectors outside the span of the patterns, which the model `M̂` multiplies by `θ`.
-    fn outside(&self) -> f64 {
-        let largest = self.root.iter().copied().fold(0.0, f64::max);
-        (self.theta * largest).powi(2)
-    }
-
-    /// Minimizes with a model that is not symmetric. All vectors are in the coordinates `u = D^½ x`.
-    fn minimize_general(&self, work: &mut WorkVectors, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
-        let WorkVectors { u, y, next, image, g, .. } = work;
-        let lipschitz = self.lipschitz_general(next, image, g);
-        update2(u, x, &self.root, |_, x, s| x * s);
-        if lipschitz <= 0.0 {
-            self.residual(u, Some(b), image);
-            return norm(image);
-        }
-        y.copy_from_slice(u);
-        let mut momentum = Momentum(1.0);
-        for _ in 0..ITERATIONS {
-            self.gradient(y, Some(b), image, g);
-            next.copy_from_slice(y);
-            update2(next, g, &self.root, |y, g, s| {
-                (y - g / lipschitz).max(bounds.lower * s).min(bounds.upper * s)
-            });
-            update(u, next, |old, new| new - old);
-            let step = norm(u);
-            let weight = momentum.next(dot(g, u) > 0.0);
-            update2(y, next, u, |_, new, step| new + weight * step);
-            std::mem::swap(u, next);
-            if step <= SETTLED * norm(u) {
-                break;
-            }
-        }
-        self.residual(u, Some(b), image);
-        update2(x, u, &self.root, |_, u, s| bounds.clip(u / s));
-        norm(image)
-    }
-
-    /// Computes the same bound as [`SecantModel::lipschitz_symmetric`], but always starts from the white pattern. Overwrites its arguments.
-    fn lipschitz_general(&self, v: &mut [f64], image: &mut [f64], g: &mut [f64]) -> f64 {
-        v.copy_from_slice(&self.root);
-        let mut square = 0.0_f64;
-        for _ in 0..POWERS {
-            let length = norm(v);
-            if length == 0.0 || !length.is_finite() {
-                return 0.0;
-            }
-            for value in v.iter_mut() {
-                *value /= length;
-            }
-            self.gradient(v, None, image, g);
-            let next = norm(g);
-            v.copy_from_slice(g);
-            let settled = next <= GROWTH * square;
-            square = next;
-            if settled {
-                break;
-            }
-        }
-        if self.surrogate.is_some() {
-            return MARGIN * square;
-        }
-        MARGIN * square.max(self.outside())
     }
 }

@@ -6,9 +6,11 @@
 //! [`Mrnsd`] and [`Multiplicative`] only keep `x ≥ 0`, and serve for comparison.
 
 mod baselines;
+mod box_problem;
 mod fista;
 mod krylov_box;
 mod model;
+mod resident;
 mod sweep;
 
 use super::basis::{dot, update2};

@@ -12,11 +12,11 @@ use crate::krylov::kernels::{add_pair_block, dots_pair_block};
 use crate::krylov::sweeps::{PARALLEL, ROWS};
 
 /// The coefficients of `M̂ y` and of `M̂ D M̂ y` on products and patterns.
-struct Coefficients {
-    c: Vec<f64>,
-    e: Vec<f64>,
-    c_next: Vec<f64>,
-    e_next: Vec<f64>,
+pub(super) struct Coefficients {
+    pub(super) c: Vec<f64>,
+    pub(super) e: Vec<f64>,
+    pub(super) c_next: Vec<f64>,
+    pub(super) e_next: Vec<f64>,
 }
 
 /// A row of a sweep: its index, and the entries of `y` and `M̂ D M̂ y` in this row.
@@ -64,7 +64,7 @@ impl SecantModel {
         }
     }
 
-    fn coefficients(&self, y: &Coordinates) -> Coefficients {
+    pub(super) fn coefficients(&self, y: &Coordinates) -> Coefficients {
         let theta = self.theta;
         let e = self.along_patterns(&y.c, &y.d);
         let (mut c_next, mut d_next) = self.gram.apply(&y.c, &e);
@@ -166,9 +166,9 @@ pub(super) struct Coordinates {
     /// `Wᵀ u`.
     pub(super) d: Vec<f64>,
     /// `Vᵀ D u`.
-    c_weighted: Vec<f64>,
+    pub(super) c_weighted: Vec<f64>,
     /// `Wᵀ D u`.
-    d_weighted: Vec<f64>,
+    pub(super) d_weighted: Vec<f64>,
 }
 
 impl Coordinates {

@@ -18,6 +18,9 @@ const CHUNK: u64 = 64 << 20;
 /// Up to this number of columns are in one buffer, so that they can be combined. It is the number of the vectors of short recurrences.
 const COMBINED: usize = 16;
 
+/// A bound beyond this number stands for no bound.
+const FARTHEST: f64 = 1e200;
+
 /// Stands for `w` in place of a column; `W` of `shaders/vectors.wgsl`.
 const W: u32 = u32::MAX;
 
@@ -57,7 +60,8 @@ pub(in crate::transport) struct DeviceVectors {
     single: wgpu::Buffer,
     coefficients: Coefficients,
     sums: Results,
-    combine: Step,
+    /// `combine`, `scale_by` and `clip_by`.
+    entrywise: [Step; 3],
     gather: Step,
     of: Option<OfProduct>,
 }
@@ -80,10 +84,11 @@ struct Chunk {
 }
 
 /// The kernels of `shaders/vectors.wgsl`.
-pub(super) fn kernels(gpu: &Gpu) -> Result<[Kernel; 6]> {
+pub(super) fn kernels(gpu: &Gpu) -> Result<[Kernel; 8]> {
     gpu.kept("vectors", || {
         let buffers = [READ, READ, WRITE, WRITE];
-        let entry_points = ["remove", "combine", "dots", "gather", "write_selected", "read_selected"];
+        let entry_points =
+            ["remove", "dots", "gather", "combine", "scale_by", "clip_by", "write_selected", "read_selected"];
         Kernel::all(gpu, "vectors", entry_points, &[], &buffers, |source| gpu.module("vectors", source))
     })
 }
@@ -98,13 +103,18 @@ struct Coefficients {
 impl DeviceVectors {
     /// Makes room for `columns` columns of `rows` entries. Fails with [`Error::Device`] if the device has too little memory.
     pub(super) fn new(gpu: &Gpu, rows: usize, columns: usize) -> Result<Self> {
-        let bytes = 8 * (rows * columns) as u64;
-        Self::in_chunks(gpu, rows, columns, if columns <= COMBINED { bytes } else { CHUNK })
+        let bytes = 8 * rows as u64;
+        let largest = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer);
+        let made = Self::in_chunks(gpu, rows, columns, CHUNK.max(COMBINED as u64 * bytes).min(largest))?;
+        if columns <= COMBINED && made.together < columns {
+            return Err(Error::device(format!("no buffer holds {columns} vectors")));
+        }
+        Ok(made)
     }
 
     /// Works like [`DeviceVectors::new`], with buffers of at most this many bytes, and of at least one column.
     pub(super) fn in_chunks(gpu: &Gpu, rows: usize, columns: usize, chunk: u64) -> Result<Self> {
-        let [remove, combine, dots, gather, ..] = kernels(gpu)?;
+        let [remove, dots, gather, combine, scale_by, clip_by, ..] = kernels(gpu)?;
         let bytes = 8 * rows as u64;
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         let buffer = |label: &str, bytes: u64| gpu.buffer(label, bytes, usage);
@@ -132,7 +142,8 @@ impl DeviceVectors {
         };
         let chunks: Vec<Chunk> = (0..columns.max(1).div_ceil(together)).map(chunk).collect::<Result<_>>()?;
         let first = &chunks[0].columns;
-        let combine = step(&combine, [first, &coefficients.of_terms, &work, &single])?;
+        let entrywise = |kernel| step(kernel, [first, &coefficients.of_terms, &work, &single]);
+        let entrywise = [entrywise(&combine)?, entrywise(&scale_by)?, entrywise(&clip_by)?];
         let gather = step(&gather, [first, &coefficients.of_work, &sums.buffer, &partial])?;
         let gpu = gpu.clone();
         Ok(Self {
@@ -146,7 +157,7 @@ impl DeviceVectors {
             single,
             coefficients,
             sums,
-            combine,
+            entrywise,
             gather,
             of: None,
         })
@@ -222,24 +233,46 @@ impl DeviceVectors {
 
     /// Computes `(Σ c v)/divisor`, as [`Vectors::combine`], and copies it to a column, or to `w`.
     fn combined(&mut self, terms: &[(f64, Option<usize>)], divisor: f64, to: Option<usize>) -> Result<()> {
-        let at = |term: usize| match terms.get(term) {
-            Some(&(_, Some(column))) => column as u32,
-            _ => W,
+        let at = |term: usize| terms.get(term).map_or(Ok(W), |&(_, column)| self.combinable(column));
+        let part = Part {
+            columns: terms.len() as u32,
+            first: at(0)?,
+            second: at(1)?,
+            third: at(2)?,
+            ..Part::default()
         };
-        if terms.iter().any(|(_, column)| column.is_some_and(|column| column >= self.together)) {
-            return Err(made_elsewhere());
-        }
-        let (rows, columns) = (self.rows as u32, terms.len() as u32);
-        let part = Part { rows, columns, first: at(0), second: at(1), third: at(2), ..Part::default() };
-        self.combine.change(&self.gpu, &part, self.rows.div_ceil(INVOCATIONS) as u32)?;
         let mut coefficients = [0.0, 0.0, 0.0, divisor];
         coefficients.iter_mut().zip(terms).for_each(|(coefficient, (c, _))| *coefficient = *c);
+        self.entry_by_entry(0, part, coefficients, |vectors, encoder| {
+            let (to, place) = to.map_or((&vectors.work, 0), |column| vectors.place(column));
+            encoder.copy_buffer_to_buffer(&vectors.single, 0, to, place, vectors.bytes());
+        })
+    }
+
+    /// The number by which kernels know a column of the first buffer, or `w`.
+    fn combinable(&self, column: Option<usize>) -> Result<u32> {
+        match column {
+            Some(column) if column >= self.together => Err(made_elsewhere()),
+            Some(column) => Ok(column as u32),
+            None => Ok(W),
+        }
+    }
+
+    /// Computes one of the `entrywise` kernels, and then copies.
+    fn entry_by_entry(
+        &mut self,
+        kernel: usize,
+        part: Part,
+        coefficients: [f64; 4],
+        copy: impl Fn(&Self, &mut wgpu::CommandEncoder),
+    ) -> Result<()> {
+        let part = Part { rows: self.rows as u32, ..part };
+        self.entrywise[kernel].change(&self.gpu, &part, self.rows.div_ceil(INVOCATIONS) as u32)?;
         self.gpu.submit("combination", |encoder| {
             let coefficients = bytemuck::bytes_of(&coefficients);
             self.gpu.queue.write_buffer(&self.coefficients.of_terms, 0, coefficients);
-            Step::record(&self.gpu, "combination", [&self.combine], encoder);
-            let (to, place) = to.map_or((&self.work, 0), |column| self.place(column));
-            encoder.copy_buffer_to_buffer(&self.single, 0, to, place, self.bytes());
+            Step::record(&self.gpu, "combination", [&self.entrywise[kernel]], encoder);
+            copy(self, encoder);
         })?;
         Ok(())
     }
@@ -378,8 +411,21 @@ impl Vectors for DeviceVectors {
         Ok(())
     }
 
+    fn scale_by(&mut self, index: usize) -> Result<()> {
+        let part = Part { first: self.combinable(Some(index))?, ..Part::default() };
+        self.entry_by_entry(1, part, [0.0; 4], |_, _| {})
+    }
+
+    fn clip_by(&mut self, index: usize, (lower, upper): (f64, f64)) -> Result<()> {
+        let part = Part { first: self.combinable(Some(index))?, ..Part::default() };
+        // The kernel multiplies finite numbers.
+        let [lower, upper] = [lower, upper].map(|bound| bound.clamp(-FARTHEST, FARTHEST));
+        self.entry_by_entry(2, part, [lower, upper, 0.0, 0.0], |_, _| {})
+    }
+
     fn remove(&mut self, h: &[f64]) -> Result<()> {
-        self.sweep((0, h), &[], None).map(drop)
+        let first = h.iter().position(|h| *h != 0.0).unwrap_or(h.len());
+        self.sweep((first, &h[first..]), &[], None).map(drop)
     }
 
     fn dots_and_norm(&mut self, first: usize) -> Result<Sums> {
