@@ -164,9 +164,6 @@ impl LightTransport {
             Engine::Replayed(traced) if self.may_reside => {
                 let made = traced.operator(part, channel).vectors(columns, selection)?;
                 self.may_reside = made.is_some();
-                if let Some(journal) = self.journal.as_mut().filter(|_| self.may_reside) {
-                    journal.note(notes::ON_DEVICE, &[])?;
-                }
                 if made.is_none() && traced.is_on_gpu() && self.shape.photos == self.shape.patterns {
                     self.observer.note(format_args!(
                         "note: the device has no room for {columns} vectors, which stay in the memory of the processor"

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use super::Product;
 use crate::error::{Error, Result};
 
-/// The orthonormal columns `V` of a basis, and a vector `w`; all have `n` entries.
+/// The columns `V`, for example of an orthonormal basis, and a vector `w`; all have `n` entries.
 ///
 /// An operator whose products are computed in another memory ([`Operator::vectors`](super::Operator::vectors)) keeps the vectors there.
 /// Only coefficients then move at each step. After an error, the vectors are unspecified.
@@ -48,10 +48,11 @@ pub trait Vectors: Any + Send {
     /// [`Vectors::column`].
     fn settle_and_dot(&mut self, settling: &Settling<'_>) -> Result<Sums>;
 
-    /// `w ← (Σ c v)/divisor`, for one to three terms `(c, v)`. A vector is a column, or `w` if it is `None`. Fails as [`Vectors::column`].
-    /// The default, for vectors in the host's memory, always fails.
-    fn combine(&mut self, terms: &[(f64, Option<usize>)], divisor: f64) -> Result<()> {
-        let _ = (terms, divisor);
+    /// `to ← (Σ c v)/divisor`, for one to three terms `(c, v)`. A vector is a column, or `w` if it is `None`. Fails as [`Vectors::column`],
+    /// and with [`Error::Numerical`] if this memory cannot combine these columns. The default, for vectors in the host's memory, always
+    /// fails.
+    fn combine(&mut self, to: Option<usize>, terms: &[(f64, Option<usize>)], divisor: f64) -> Result<()> {
+        let _ = (to, terms, divisor);
         Err(made_elsewhere())
     }
 

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 
-use super::{Adjoint, Operator, delegate};
+use super::{Adjoint, Operator, Selection, Vectors, delegate};
 use crate::error::Result;
 use crate::observer::{Level, Observer, PhotoTaken, Step};
 
@@ -157,8 +157,13 @@ impl<'a, O: Operator + ?Sized> Recorded<'a, O> {
             let products = from.iter().zip(to);
             self.products.extend(products.map(|(from, to)| Product { from: from.to_vec(), to: to.to_vec() }));
         }
+        self.count(from.len());
+    }
+
+    /// Records the frames of the last products, of this number.
+    fn count(&mut self, products: usize) {
         if let Some((now, before)) = self.operator.frames().zip(self.before) {
-            self.frames.resize(self.frames.len() + from.len(), now - before);
+            self.frames.resize(self.frames.len() + products, now - before);
         }
     }
 }
@@ -169,6 +174,19 @@ impl<O: Operator + ?Sized> Operator for Recorded<'_, O> {
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.operator.apply_block(xs, ys)?;
         self.record(xs, ys);
+        Ok(())
+    }
+
+    fn vectors(&self, columns: usize, selection: Option<Selection<'_>>) -> Result<Option<Box<dyn Vectors>>> {
+        self.operator.vectors(columns, selection)
+    }
+
+    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
+        self.operator.apply_within(vectors, column)?;
+        if self.keeps_products {
+            self.products.push(vectors.product()?);
+        }
+        self.count(1);
         Ok(())
     }
 }

@@ -8,12 +8,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
 use crate::common::{load, settings, trace, tracer};
-use krylux::analysis::{Capture, SegmentOptions};
-use krylux::image::Resolution;
+use krylux::analysis::{Capture, CompensateOptions, Precondition, SegmentOptions, Target, compensate};
+use krylux::image::{Image, Resolution};
 use krylux::journal::{Journal, Kind};
 use krylux::krylov::{
-    Completeness, Eigs, EigsMethod, EigsOptions, Factorization, ForwardOnly, Method, PairStatus, Solution,
-    SolveOptions, Start, Status, dot, eigs, eigs_from, norm, solve, solve_from,
+    Completeness, Diagonal, Eigs, EigsMethod, EigsOptions, Factorization, ForwardOnly, METHODS, Method,
+    MethodFacts, PairStatus, Solution, SolveOptions, Start, Status, dot, eigs, eigs_from, norm, solve,
+    solve_from,
 };
 use krylux::lab::{Lab, RunOptions, Settings, SharedObserver};
 use krylux::observer::{Level, Observer, OnStep, PhotoTaken, Step};
@@ -156,12 +157,20 @@ struct Watched<'a> {
     inner: MatrixOperator<'a>,
     within: usize,
     with_host: usize,
+    /// The product within the device that ends with an interruption.
+    interrupted: Option<usize>,
     calls: Arc<AtomicUsize>,
 }
 
 impl<'a> Watched<'a> {
     fn new(inner: MatrixOperator<'a>) -> Self {
-        Self { inner, within: 0, with_host: 0, calls: Arc::new(AtomicUsize::new(usize::MAX)) }
+        Self {
+            inner,
+            within: 0,
+            with_host: 0,
+            interrupted: None,
+            calls: Arc::new(AtomicUsize::new(usize::MAX)),
+        }
     }
 }
 
@@ -193,7 +202,8 @@ impl Operator for Watched<'_> {
         let limited =
             (vectors as &mut dyn Any).downcast_mut::<Limited>().expect("the vectors that were made");
         limited.call()?;
-        self.inner.apply_within(&mut *limited.inner, column)
+        self.inner.apply_within(&mut *limited.inner, column)?;
+        if self.interrupted == Some(self.within) { Err(Error::Interrupted) } else { Ok(()) }
     }
 }
 
@@ -248,9 +258,9 @@ impl Vectors for Limited {
         self.inner.remove(h)
     }
 
-    fn combine(&mut self, terms: &[(f64, Option<usize>)], divisor: f64) -> Result<()> {
+    fn combine(&mut self, to: Option<usize>, terms: &[(f64, Option<usize>)], divisor: f64) -> Result<()> {
         self.call()?;
-        self.inner.combine(terms, divisor)
+        self.inner.combine(to, terms, divisor)
     }
 
     fn keep(&mut self, index: usize) -> Result<()> {
@@ -542,16 +552,19 @@ fn true_residual(assembled: &Assembled, x: &[f64], b: &[f64]) -> f64 {
 const RESIDENT: [Method; 5] = [Method::Gmres, Method::Minres, Method::Cg, Method::Cgs, Method::BiCgStab];
 
 #[test]
-fn solvers_keep_their_vectors_on_the_device() {
+fn every_solver_finds_on_the_device_what_it_finds_on_the_host() {
     for (name, size) in [("corner", 16), ("cornell", 32), ("zigzag", 48)] {
         let (tracer, mut assembled) = scene(name, size);
         let b = photo_of_a_ramp(&assembled);
         let whole = SolveOptions { products: 40, rtol: 1e-7, ..SolveOptions::default() };
         let begun = SolveOptions { x0: Some(vec![0.5; b.len()]), ..whole.clone() };
         let mut cases = vec![(Method::Gmres, SolveOptions { restart: Some(7), ..whole.clone() })];
-        for method in RESIDENT {
+        for MethodFacts { method, .. } in METHODS {
             cases.extend([(method, whole.clone()), (method, begun.clone())]);
         }
+        let diagonal = Arc::new(Diagonal::new(vec![2.0; b.len()]).expect("positive entries"));
+        let preconditioned = SolveOptions { preconditioner: Some(diagonal), ..whole };
+        cases.extend(RESIDENT.map(|method| (method, preconditioned.clone())));
         let solved = |operator: &mut dyn Operator, method, options: &SolveOptions| {
             solve(method, operator, &b, options).expect("the products are taken")
         };
@@ -564,17 +577,22 @@ fn solvers_keep_their_vectors_on_the_device() {
             let what = format!("{name}, {method:?}");
             let mut watched = Watched::new(assembled.operator(Part::Full, 0));
             let device = solved(&mut watched, *method, options);
-            // The residual of a first iterate is taken with the host.
-            assert_eq!(watched.with_host, usize::from(options.x0.is_some()), "{what}");
+            if options.preconditioner.is_some() {
+                assert_eq!(watched.within, 0, "{what}: preconditioners work on the host");
+            } else if RESIDENT.contains(method) {
+                // The residual of a first iterate is taken with the host.
+                assert_eq!(watched.with_host, usize::from(options.x0.is_some()), "{what}");
+            }
             assert_eq!(watched.within + watched.with_host, device.stats.products, "{what}");
             assert_eq!(
                 (device.stats.status, device.stats.products),
                 (host.stats.status, host.stats.products),
                 "{what}"
             );
-            // Rounding of products and sums, relative to 1.
+            // Rounding of products and sums, relative to 1. The iteration of a box problem ends at steps of 1e-6.
             assert!((true_residual(&assembled, &device.x, &b) - device.residual).abs() < 1e-12, "{what}");
-            assert!((device.residual - host.residual).abs() < 1e-12, "{what}");
+            let bound = if *method == Method::KrylovBox { 1e-6 } else { 1e-12 };
+            assert!((device.residual - host.residual).abs() < bound, "{what}");
             let again = solved(&mut assembled.operator(Part::Full, 0), *method, options);
             assert_eq!(
                 (&device.x, &device.history),
@@ -594,6 +612,8 @@ fn solvers_go_on_after_more_products_are_allowed_and_after_their_device_failed()
     // GMRES that has room only for its first products moves its basis to the host.
     let mut cases = vec![(Method::Gmres, 6, [6, 40], 3), (Method::Gmres, 40, [6, 40], 30)];
     cases.extend(RESIDENT[1..].iter().map(|&method| (method, 9, [3, 9], 40)));
+    // Without a product before the failure.
+    cases.extend(RESIDENT.map(|method| (method, 3, [0, 3], 15)));
     for (method, room, products, fewest) in cases {
         let [options, more] = products.map(with);
         let at_once = solve(method, &mut assembled.operator(Part::Full, 0), &b, &more).expect("the products");
@@ -601,7 +621,10 @@ fn solvers_go_on_after_more_products_are_allowed_and_after_their_device_failed()
         for calls in 0.. {
             let mut watched = Watched::new(assembled.operator(Part::Full, 0));
             let mut solver = method.solver(b.len(), &b, &with(room)).expect("good options");
-            solve_from(&mut solver, &mut ForwardOnly(&mut watched), &options).expect("the first products");
+            if options.products > 0 {
+                solve_from(&mut solver, &mut ForwardOnly(&mut watched), &options)
+                    .expect("the first products");
+            }
             watched.calls.store(calls, Ordering::Relaxed);
             let went_on = solve_from(&mut solver, &mut ForwardOnly(&mut watched), &more);
             watched.calls.store(usize::MAX, Ordering::Relaxed);
@@ -627,6 +650,48 @@ fn solvers_go_on_after_more_products_are_allowed_and_after_their_device_failed()
             failures += 1;
         }
         assert!(failures >= fewest, "{method:?}: {failures}");
+    }
+}
+
+#[test]
+fn a_solver_that_was_interrupted_on_the_device_goes_on_to_the_same_bits() {
+    let (tracer, mut assembled) = scene("cornell", 16);
+    let b = photo_of_a_ramp(&assembled);
+    assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+    let options = SolveOptions { products: 12, rtol: 0.0, ..SolveOptions::default() };
+    for method in RESIDENT {
+        let whole = solve(method, &mut assembled.operator(Part::Full, 0), &b, &options).expect("12 products");
+        for product in [1, 4, 5, 12] {
+            let mut watched = Watched::new(assembled.operator(Part::Full, 0));
+            watched.interrupted = Some(product);
+            let mut solver = method.solver(b.len(), &b, &options).expect("good options");
+            let stopped = solve_from(&mut solver, &mut ForwardOnly(&mut watched), &options);
+            assert!(matches!(stopped, Err(Error::Interrupted)), "{method:?}");
+            assert_eq!(solver.tally().products, product - 1, "{method:?}");
+            let rest = solve_from(&mut solver, &mut ForwardOnly(&mut watched), &options).expect("the others");
+            assert_eq!(rest.x, whole.x, "{method:?}, product {product}");
+            assert_eq!(rest.history, whole.history[product - 1..], "{method:?}, product {product}");
+            assert_eq!(watched.with_host, 0, "{method:?}");
+        }
+    }
+}
+
+#[test]
+fn a_compensation_uses_the_memory_of_the_device() {
+    let (tracer, mut assembled) = scene("cornell", 16);
+    assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+    let resolution = Resolution::new(16, 16);
+    let [target, dark] = [0.5, 0.0].map(|value| Image::filled(resolution, 1, value));
+    let target = Target::new(&target, &dark).expect("images of one size");
+    for method in [Method::Minres, Method::KrylovBox] {
+        // By default, the white photo preconditions MINRES, on the host.
+        let precondition = (method == Method::Minres).then_some(Precondition::None);
+        let options = CompensateOptions { method, photos: 8, precondition, ..CompensateOptions::default() };
+        let mut watched = Watched::new(assembled.operator(Part::Full, 0));
+        compensate::compensate(&mut [ForwardOnly(&mut watched)], &target, &options).expect("a pattern");
+        let calls = usize::MAX - watched.calls.load(Ordering::Relaxed);
+        assert_eq!(watched.within > 0, method == Method::Minres);
+        assert!(calls > 50, "{method:?}: {calls} calls of the memory of the device");
     }
 }
 
@@ -725,6 +790,9 @@ fn products_beyond_ordinary_size_are_taken_with_the_host() {
         let of_huge = solve(method, &mut huge, &b, &more).expect("13 products");
         assert_eq!(of_huge.stats.products, of_ordinary.stats.products + 1, "{method:?}");
         assert!((of_huge.residual - of_ordinary.residual).abs() < 1e-12, "{method:?}");
+        let one = SolveOptions { products: 1, ..whole.clone() };
+        let of_one = solve(method, &mut huge, &b, &one).expect("one product");
+        assert_eq!((of_one.stats.products, of_one.history.len()), (1, 1), "{method:?}");
     }
     let huge =
         eigs(&mut Huge(assembled.operator(Part::Global, 0)), &options).expect("the process finds pairs");

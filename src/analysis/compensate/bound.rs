@@ -43,7 +43,7 @@ impl<'a> Bounded<'a> {
 
 impl Operator for Bounded<'_> {
     delegate!(operator: rows, cols, symmetry, apply, block_size, observer, standard_errors, common_error);
-    delegate!(operator: frames, confirming);
+    delegate!(operator: frames, confirming, vectors);
 }
 
 impl Adjoint for Bounded<'_> {

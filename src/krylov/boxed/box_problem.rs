@@ -50,12 +50,12 @@ pub(super) enum Finish {
 
 /// The last two iterates `u` and `v`, in the host's memory or in that of the operator.
 pub(super) trait Iterates {
-    /// Makes an iterate from `y = a u + b v`, whose coordinates are `of_y`. It becomes `u`, and the last `u` becomes `v`.
+    /// Makes an iterate from `y = a u + b v`, for the coordinates of `u` and of `y`. It becomes `u`, and the last `u` becomes `v`.
     fn sweep(
         &mut self,
         model: &SecantModel,
         weights: (f64, f64),
-        of_y: &Coordinates,
+        coordinates: [&Coordinates; 2],
         finish: Finish,
     ) -> Result<Swept>;
 }
@@ -72,7 +72,7 @@ impl Iterates for OnHost<'_> {
         &mut self,
         model: &SecantModel,
         (a, b): (f64, f64),
-        of_y: &Coordinates,
+        [_, of_y]: [&Coordinates; 2],
         finish: Finish,
     ) -> Result<Swept> {
         let (u, v) = ((a, self.u.as_slice()), (b, self.v.as_mut_slice()));
@@ -148,7 +148,7 @@ impl SecantModel {
         for _ in 0..ITERATIONS {
             let of_y = of_u.combined(1.0 + weight, &of_before, -weight);
             let finish = Finish::Step { lipschitz, bounds };
-            let swept = iterates.sweep(self, (1.0 + weight, -weight), &of_y, finish)?;
+            let swept = iterates.sweep(self, (1.0 + weight, -weight), [&of_u, &of_y], finish)?;
             of_before = std::mem::replace(&mut of_u, swept.coordinates);
             weight = momentum.next(swept.slope > 0.0);
             if swept.step <= SETTLED * swept.norm {
@@ -185,7 +185,7 @@ impl SecantModel {
                 return Ok(0.0);
             }
             let of_y = of_u.combined(length.recip(), &of_u, 0.0);
-            let swept = iterates.sweep(self, (length.recip(), 0.0), &of_y, Finish::Product)?;
+            let swept = iterates.sweep(self, (length.recip(), 0.0), [&of_u, &of_y], Finish::Product)?;
             of_u = swept.coordinates;
             length = swept.norm;
             let settled = length <= GROWTH * square;

@@ -35,8 +35,8 @@ pub struct KrylovBox {
     boxed: Boxed,
     white_known: bool,
     model: Option<SecantModel>,
-    /// The copy of a symmetric model that solves its box problems, if the operator has a memory for it.
-    resident: Option<Resident>,
+    /// The memory of the operator, where the box problems of a symmetric model are solved.
+    resident: Resident,
     candidate: Vec<f64>,
     next: Next,
     rtol: f64,
@@ -82,7 +82,7 @@ impl KrylovBox {
             boxed,
             white_known: options.diagonal.is_some(),
             model: None,
-            resident: None,
+            resident: Resident::new(false),
             candidate: vec![0.0; b.len()],
             next: Next::Start,
             rtol: options.rtol,
@@ -123,11 +123,7 @@ impl Recurrence for KrylovBox {
                 } else if self.white_known {
                     model.learn(&ones, &self.boxed.diagonal);
                 }
-                if symmetric {
-                    let made = Resident::new(operator, &model.root, &system.b, self.capacity);
-                    // A memory that fails is as good as none.
-                    self.resident = made.unwrap_or_default();
-                }
+                self.resident = Resident::new(symmetric);
                 none.insert(model)
             }
         };
@@ -137,15 +133,11 @@ impl Recurrence for KrylovBox {
         if self.next == Next::Plan {
             self.candidate.copy_from_slice(&system.x);
             let bounds = self.boxed.bounds;
-            let resident = self.resident.as_mut();
-            let predicted = match resident.map(|of| of.minimize(model, bounds, &mut self.candidate)) {
-                Some(Ok(predicted)) => predicted,
-                _ => {
-                    // The host goes on where that memory fails.
-                    self.resident = None;
-                    model.minimize(&system.b, bounds, &mut self.candidate)?
-                }
-            };
+            let predicted =
+                match self.resident.minimize(operator, model, (&system.b, bounds), &mut self.candidate)? {
+                    Some(predicted) => predicted,
+                    None => model.minimize(&system.b, bounds, &mut self.candidate)?,
+                };
             let residual = system.tally.residual;
             self.next = if predicted <= residual * (1.0 - self.rtol.max(f64::EPSILON)) {
                 Next::Candidate

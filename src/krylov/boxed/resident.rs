@@ -1,14 +1,15 @@
 //! A copy of a symmetric model in the memory of the operator, where its box problems are solved.
 //!
-//! An iteration of a box problem reads all patterns and products of the model. The memory of a device is many times as fast as that of the
-//! host, and only coefficients move.
+//! An iteration of a box problem reads all patterns and products of the model, here four times. The memory of a device is many times as fast
+//! as that of the host, and only coefficients move.
 
 use super::Bounds;
 use super::box_problem::{Finish, Iterates};
 use super::model::SecantModel;
 use super::sweep::{Coordinates, Swept};
-use crate::error::Result;
-use crate::operator::{Operator, Vectors};
+use crate::error::{Error, Result};
+use crate::krylov::factor::MOST;
+use crate::operator::{Adjoint, Vectors};
 
 /// The number of vectors beside the patterns and products, whose columns follow in pairs.
 const OTHERS: usize = 9;
@@ -27,25 +28,75 @@ const ROOT: usize = 6;
 const DIAGONAL: usize = 7;
 const RHS: usize = 8;
 
+/// The memory of the operator, as long as it serves.
 pub(super) struct Resident {
-    vectors: Box<dyn Vectors>,
-    /// The columns of `U`, `BEFORE` and `DOMINANT`.
-    moving: [usize; 3],
-    has_dominant: bool,
-    /// The number of patterns that have been copied.
-    known: usize,
+    may_reside: bool,
+    copy: Option<Copied>,
 }
 
 impl Resident {
-    /// Copies the parts of a model that stay the same. Returns `None` if the operator has no memory of its own, or not enough for this
-    /// number of products. Fails with the errors of [`Operator::vectors`].
-    pub(super) fn new(
-        operator: &dyn Operator,
-        root: &[f64],
-        b: &[f64],
-        products: usize,
-    ) -> Result<Option<Self>> {
-        let Some(mut vectors) = operator.vectors(OTHERS + 2 * products, None)? else { return Ok(None) };
+    pub(super) fn new(may_reside: bool) -> Self {
+        Self { may_reside, copy: None }
+    }
+
+    /// `x ← argmin ‖M x − b‖` over the box, starting from `x`. Returns `‖M x − b‖`, or `None` with the same `x` if the operator has no memory of
+    /// its own, or if that memory lacks room, cannot combine vectors, or fails. Fails with the other errors of
+    /// [`Operator::vectors`](crate::operator::Operator::vectors).
+    pub(super) fn minimize(
+        &mut self,
+        operator: &dyn Adjoint,
+        model: &SecantModel,
+        (b, bounds): (&[f64], Bounds),
+        x: &mut [f64],
+    ) -> Result<Option<f64>> {
+        if !self.may_reside {
+            return Ok(None);
+        }
+        let known = model.patterns.len();
+        if self.copy.as_ref().is_none_or(|copy| copy.room < known) {
+            self.copy = None;
+            self.copy = or_none(Copied::new(operator, &model.root, b, (2 * known).max(FEWEST)))?.flatten();
+        }
+        let found = self.copy.as_mut().map(|copy| or_none(copy.minimize(model, bounds, x))).transpose()?;
+        self.may_reside = found.flatten().is_some();
+        if !self.may_reside {
+            self.copy = None;
+        }
+        Ok(found.flatten())
+    }
+}
+
+/// The fewest products for which there is room.
+const FEWEST: usize = 16;
+
+/// Makes `None` of an error of the memory.
+fn or_none<T>(found: Result<T>) -> Result<Option<T>> {
+    match found {
+        Ok(found) => Ok(Some(found)),
+        Err(Error::Device { .. }) => Ok(None),
+        Err(other) => Err(other),
+    }
+}
+
+struct Copied {
+    vectors: Box<dyn Vectors>,
+    /// The columns of `U`, `BEFORE` and `DOMINANT`.
+    moving: [usize; 3],
+    /// The number of patterns that have been copied, and the largest number.
+    known: usize,
+    room: usize,
+}
+
+impl Copied {
+    /// Copies the parts of a model that stay the same, with room for this number of products. Returns `None` if the operator has no memory of
+    /// its own, or one that lacks room or cannot combine vectors. Fails with the errors of [`Operator::vectors`](crate::operator::Operator::vectors).
+    fn new(operator: &dyn Adjoint, root: &[f64], b: &[f64], products: usize) -> Result<Option<Self>> {
+        let room = products.min(root.len());
+        let columns = OTHERS + 2 * room;
+        if columns > MOST {
+            return Ok(None);
+        }
+        let Some(mut vectors) = operator.vectors(columns, None)? else { return Ok(None) };
         vectors.load(&vec![0.0; root.len()])?;
         (0..ROOT).try_for_each(|_| vectors.push(1.0))?;
         let diagonal: Vec<f64> = root.iter().map(|s| s * s).collect();
@@ -53,18 +104,19 @@ impl Resident {
             vectors.load(vector)?;
             vectors.push(1.0)?;
         }
-        // Not every device can combine this many vectors.
-        let combines = vectors.combine(&[(1.0, Some(OTHERS - 1))], 1.0).is_ok();
-        let resident = Self { vectors, moving: [U, BEFORE, DOMINANT], has_dominant: false, known: 0 };
-        Ok(combines.then_some(resident))
+        let combined = vectors.combine(None, &[(1.0, Some(OTHERS - 1))], 1.0);
+        if let Err(failed @ Error::Device { .. }) = combined {
+            return Err(failed);
+        }
+        Ok(combined.is_ok().then_some(Self { vectors, moving: [U, BEFORE, DOMINANT], known: 0, room }))
     }
 
     /// `x ← argmin ‖M x − b‖` over the box, starting from `x`. Returns `‖M x − b‖`. After an error of the memory, `x` is as before.
-    pub(super) fn minimize(&mut self, model: &SecantModel, bounds: Bounds, x: &mut [f64]) -> Result<f64> {
+    fn minimize(&mut self, model: &SecantModel, bounds: Bounds, x: &mut [f64]) -> Result<f64> {
         self.catch_up(model)?;
         let lipschitz = self.lipschitz(model)?;
         // M̂ D^½ b
-        self.copy(RHS)?;
+        self.copy(RHS, None)?;
         self.vectors.scale_by(ROOT)?;
         let (c, d) = along(&self.vectors.dots_and_norm(OTHERS)?.0);
         self.multiply(model, &c, &model.along_patterns(&c, &d))?;
@@ -76,14 +128,14 @@ impl Resident {
         self.vectors.keep(self.moving[BEFORE])?;
         let (mut of_u, norm) = self.coordinates()?;
         if lipschitz > 0.0 {
-            let mut pair = Pair { of_u: of_u.clone(), norm, resident: self, v: BEFORE, u: U };
+            let mut pair = Pair { norm, copy: self, u: U, v: BEFORE };
             of_u = model.descend(&mut pair, of_u, lipschitz, bounds)?;
         }
         // ‖M x − b‖
-        self.copy(self.moving[U])?;
+        self.copy(self.moving[U], None)?;
         self.multiply(model, &of_u.c, &model.along_patterns(&of_u.c, &of_u.d))?;
         self.vectors.scale_by(ROOT)?;
-        self.vectors.combine(&[(1.0, None), (-1.0, Some(RHS))], 1.0)?;
+        self.vectors.combine(None, &[(1.0, None), (-1.0, Some(RHS))], 1.0)?;
         let (_, predicted) = self.vectors.dots_and_norm(OTHERS)?;
         let u = self.vectors.column(self.moving[U])?;
         for ((x, u), s) in x.iter_mut().zip(&*u).zip(&model.root) {
@@ -104,20 +156,20 @@ impl Resident {
         Ok(())
     }
 
+    /// The same bound as that of the host.
     fn lipschitz(&mut self, model: &SecantModel) -> Result<f64> {
-        if !self.has_dominant {
-            self.copy(ROOT)?;
-            self.vectors.keep(self.moving[DOMINANT])?;
+        self.copy(self.moving[DOMINANT], None)?;
+        let (mut of_u, mut norm) = self.coordinates()?;
+        if norm == 0.0 {
+            self.copy(ROOT, Some(self.moving[DOMINANT]))?;
+            self.copy(ROOT, None)?;
+            (of_u, norm) = self.coordinates()?;
         }
-        self.has_dominant = true;
-        self.copy(self.moving[DOMINANT])?;
-        let (of_u, norm) = self.coordinates()?;
-        let mut pair = Pair { of_u: of_u.clone(), norm, resident: self, v: BEFORE, u: DOMINANT };
-        model.growth(&mut pair, of_u, norm)
+        model.growth(&mut Pair { norm, copy: self, u: DOMINANT, v: BEFORE }, of_u, norm)
     }
 
-    fn copy(&mut self, column: usize) -> Result<()> {
-        self.vectors.combine(&[(1.0, Some(column))], 1.0)
+    fn copy(&mut self, from: usize, to: Option<usize>) -> Result<()> {
+        self.vectors.combine(to, &[(1.0, Some(from))], 1.0)
     }
 
     /// The coordinates of `w`, and `‖w‖`. Overwrites `w`.
@@ -137,7 +189,7 @@ impl Resident {
     fn multiply(&mut self, model: &SecantModel, c: &[f64], e: &[f64]) -> Result<()> {
         let mut coefficients = vec![0.0; OTHERS];
         coefficients.extend(e.iter().zip(c).flat_map(|(e, c)| [-e, -c]));
-        self.vectors.combine(&[(model.theta, None)], 1.0)?;
+        self.vectors.combine(None, &[(model.theta, None)], 1.0)?;
         self.vectors.remove(&coefficients)
     }
 }
@@ -147,12 +199,11 @@ fn along(sums: &[f64]) -> (Vec<f64>, Vec<f64>) {
     sums.as_chunks::<2>().0.iter().map(|[c, d]| (c, d)).unzip()
 }
 
-/// Two iterates: the names of their columns, and the coordinates and norm of `u`.
+/// Two iterates: the names of their columns, and the norm of `u`.
 struct Pair<'a> {
-    resident: &'a mut Resident,
+    copy: &'a mut Copied,
     u: usize,
     v: usize,
-    of_u: Coordinates,
     norm: f64,
 }
 
@@ -161,45 +212,46 @@ impl Iterates for Pair<'_> {
         &mut self,
         model: &SecantModel,
         (a, b): (f64, f64),
-        of_y: &Coordinates,
+        [of_u, of_y]: [&Coordinates; 2],
         finish: Finish,
     ) -> Result<Swept> {
-        let resident = &mut *self.resident;
-        let [u, v] = [self.u, self.v].map(|name| resident.moving[name]);
+        let copy = &mut *self.copy;
+        let [u, v] = [self.u, self.v].map(|name| copy.moving[name]);
         let of = model.coefficients(of_y);
-        resident.vectors.combine(&[(a, Some(u)), (b, Some(v))], 1.0)?;
-        resident.vectors.keep(Y)?;
-        resident.multiply(model, &of.c, &of.e)?;
-        resident.vectors.scale_by(DIAGONAL)?;
-        resident.multiply(model, &of.c_next, &of.e_next)?;
+        let terms = [(a, Some(u)), (b, Some(v))];
+        copy.vectors.combine(None, if b == 0.0 { &terms[..1] } else { &terms }, 1.0)?;
+        copy.vectors.keep(Y)?;
+        copy.multiply(model, &of.c, &of.e)?;
+        copy.vectors.scale_by(DIAGONAL)?;
+        copy.multiply(model, &of.c_next, &of.e_next)?;
         let swept = match finish {
             Finish::Product => {
-                resident.vectors.keep(v)?;
-                let (coordinates, norm) = resident.coordinates()?;
+                copy.vectors.keep(v)?;
+                let (coordinates, norm) = copy.coordinates()?;
                 Swept { coordinates, slope: 0.0, step: 0.0, norm }
             }
             Finish::Step { lipschitz, bounds } => {
-                resident.vectors.keep(PRODUCT)?;
+                copy.vectors.keep(PRODUCT)?;
                 let share = lipschitz.recip();
                 let terms = [(1.0, Some(Y)), (-share, Some(PRODUCT)), (share, Some(CONSTANT))];
-                resident.vectors.combine(&terms, 1.0)?;
-                resident.vectors.clip_by(ROOT, (bounds.lower, bounds.upper))?;
-                resident.vectors.keep(v)?;
-                // Sums with the step, which becomes small, are exact relative to the step.
-                resident.vectors.combine(&[(1.0, None), (-1.0, Some(u))], 1.0)?;
-                let (sums, step) = resident.vectors.dots_and_norm(0)?;
+                copy.vectors.combine(None, &terms, 1.0)?;
+                copy.vectors.clip_by(ROOT, (bounds.lower, bounds.upper))?;
+                copy.vectors.keep(v)?;
+                // The step becomes small, and sums with it have errors relative to the step.
+                copy.vectors.combine(None, &[(1.0, None), (-1.0, Some(u))], 1.0)?;
+                let (sums, step) = copy.vectors.dots_and_norm(0)?;
                 let square = self.norm * self.norm + 2.0 * sums[u] + step * step;
-                let (of_step, _) = resident.weighted(along(&sums[OTHERS..]), step)?;
+                let (of_step, _) = copy.weighted(along(&sums[OTHERS..]), step)?;
                 Swept {
-                    coordinates: self.of_u.combined(1.0, &of_step, 1.0),
+                    coordinates: of_u.combined(1.0, &of_step, 1.0),
                     slope: sums[PRODUCT] - sums[CONSTANT],
                     step,
                     norm: square.max(0.0).sqrt(),
                 }
             }
         };
-        resident.moving.swap(self.u, self.v);
-        (self.of_u, self.norm) = (swept.coordinates.clone(), swept.norm);
+        copy.moving.swap(self.u, self.v);
+        self.norm = swept.norm;
         Ok(swept)
     }
 }

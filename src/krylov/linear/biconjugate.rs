@@ -47,7 +47,7 @@ impl Shadowed {
             return Ok(true);
         }
         if self.phase == Phase::Start {
-            system.combine(&[(1.0, At::R)], 1.0)?;
+            system.combine(At::Work, &[(1.0, At::R)], 1.0)?;
             let Dots { square, norm, .. } = system.dots([])?;
             (self.overlap, self.length) = (square, norm);
             system.keep(SHADOW)?;
@@ -75,12 +75,11 @@ impl Shadowed {
 
     /// `r ← r − c w` in the place `to`, and `x ← x + c v`, for the product `w` of `v`. Ends a step.
     fn advance(&mut self, system: &mut System, (c, v): (f64, At), w: At, to: At) -> Result<Advance> {
-        system.combine(&[(1.0, At::R), (-c, w)], 1.0)?;
+        system.combine(At::Work, &[(1.0, At::R), (-c, w)], 1.0)?;
         let residual = system.dots([SHADOW])?;
         [self.overlap] = residual.with;
         system.keep(to)?;
-        system.combine(&[(1.0, At::X), (c, v)], 1.0)?;
-        system.accept(residual.norm)?;
+        system.accept((c, v), residual.norm)?;
         match residual.norm.is_finite() {
             true => Ok(Advance::Continuing),
             false => ended(Status::Breakdown("the residual grew beyond all bounds")),
@@ -129,36 +128,33 @@ impl Recurrence for Cgs {
         }
         if self.shared.phase == Phase::Direction {
             let Some(beta) = self.shared.advance_rho(system) else { return ended(RHO_VANISHED) };
-            system.combine(&[(1.0, At::R), (beta, Q)], 1.0)?;
-            system.keep(U)?;
+            system.combine(U, &[(1.0, At::R), (beta, Q)], 1.0)?;
             // p ← u + β (q + β p)
-            system.combine(&[(1.0, Q), (beta, P)], 1.0)?;
-            system.keep(P)?;
-            system.combine(&[(1.0, U), (beta, P)], 1.0)?;
-            system.keep(P)?;
+            system.combine(P, &[(1.0, Q), (beta, P)], 1.0)?;
+            system.combine(P, &[(1.0, U), (beta, P)], 1.0)?;
             self.shared.phase = Phase::First;
         }
         if self.shared.phase == Phase::First {
             let hat = system.preconditioned(P, HAT)?;
-            let product = system.multiply(operator, hat, [SHADOW])?;
+            let product = system.multiply(operator, (hat, system.tally.residual), [SHADOW])?;
             let Some(alpha) = self.shared.alpha(&product) else { return ended(SIGMA_VANISHED) };
             self.alpha = alpha;
             system.keep(V)?;
-            system.combine(&[(1.0, U), (-alpha, V)], 1.0)?;
-            system.keep(Q)?;
-            system.combine(&[(1.0, U), (1.0, Q)], 1.0)?;
-            system.keep(SUM)?;
+            system.combine(Q, &[(1.0, U), (-alpha, V)], 1.0)?;
+            system.combine(SUM, &[(1.0, U), (1.0, Q)], 1.0)?;
             self.shared.phase = Phase::Second;
             return Ok(Advance::Continuing);
         }
         let hat = system.preconditioned(SUM, HAT)?;
-        system.multiply(operator, hat, [])?;
+        system.multiply(operator, (hat, system.tally.residual), [])?;
         self.shared.phase = Phase::Direction;
         self.shared.advance(system, (self.alpha, hat), At::Work, At::R)
     }
 
-    fn restart(&mut self) {
-        *self = Self::default();
+    fn leave(&mut self, system: &mut System) {
+        if system.leave() {
+            *self = Self::default();
+        }
     }
 }
 
@@ -197,16 +193,14 @@ impl Recurrence for BiCgStab {
             let Some(ratio) = self.shared.advance_rho(system) else { return ended(RHO_VANISHED) };
             let beta = if ratio == 0.0 { 0.0 } else { ratio * (self.alpha / self.omega) };
             // p ← r + β (p − ω v)
-            system.combine(&[(1.0, P), (-self.omega, V)], 1.0)?;
-            system.keep(P)?;
-            system.combine(&[(1.0, At::R), (beta, P)], 1.0)?;
-            system.keep(P)?;
+            system.combine(P, &[(1.0, P), (-self.omega, V)], 1.0)?;
+            system.combine(P, &[(1.0, At::R), (beta, P)], 1.0)?;
             self.shared.phase = Phase::First;
         }
         if self.shared.phase == Phase::First {
             // Moves along the biconjugate direction.
             let hat = system.preconditioned(P, SPARE)?;
-            let product = system.multiply(operator, hat, [SHADOW])?;
+            let product = system.multiply(operator, (hat, system.tally.residual), [SHADOW])?;
             let Some(alpha) = self.shared.alpha(&product) else { return ended(SIGMA_VANISHED) };
             self.alpha = alpha;
             system.keep(V)?;
@@ -215,7 +209,8 @@ impl Recurrence for BiCgStab {
         }
         // Moves along the residual, which holds `s` here.
         let hat = system.preconditioned(At::R, SPARE)?;
-        let Dots { with: [overlap], square, norm } = system.multiply(operator, hat, [At::R])?;
+        let Dots { with: [overlap], square, norm } =
+            system.multiply(operator, (hat, system.tally.residual), [At::R])?;
         if square == 0.0 || negligible(overlap, norm, system.tally.residual) {
             return ended(Status::Breakdown("a product is orthogonal to the residual"));
         }
@@ -229,7 +224,9 @@ impl Recurrence for BiCgStab {
         Ok(advance)
     }
 
-    fn restart(&mut self) {
-        *self = Self::default();
+    fn leave(&mut self, system: &mut System) {
+        if system.leave() {
+            *self = Self::default();
+        }
     }
 }

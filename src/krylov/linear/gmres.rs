@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use super::cycle::Cycle;
 use super::system::System;
 use super::{Advance, Recurrence, Side, SolveOptions, Solver, ended};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::krylov::basis::{Removed, axpy, norm, orthogonalize, orthogonalized};
 use crate::krylov::completeness::Status;
 use crate::krylov::factor::MOST;
@@ -173,36 +173,25 @@ impl Gmres {
         Ok(())
     }
 
-    /// Gives up the basis in the memory of the operator. The cycle begins again on the host.
-    fn leave(&mut self, system: &mut System) {
-        self.resident = None;
-        self.may_reside = false;
-        self.started = false;
-        system.tally.residual = norm(&system.r);
-        system.tally.best = system.tally.residual;
-    }
-
-    /// Takes a step with the basis in the memory of the operator. Returns `None` if the operator is not of ordinary size.
+    /// Takes a step with the basis in the memory of the operator.
     fn step_resident(
         &mut self,
         system: &mut System,
         operator: &mut dyn Adjoint,
         vectors: &mut dyn Vectors,
-    ) -> Result<Option<Advance>> {
-        let Some(start) = system.tally.product_within(operator, vectors, self.cycle.width - 1)? else {
-            return Ok(None);
-        };
+    ) -> Result<Advance> {
+        let start = system.product_within(operator, vectors, (self.cycle.width - 1, 1.0))?;
         let length = start.1;
         let removed = orthogonalized(start, |h| vectors.remove_and_dot(h))?;
         let left = removed.norm;
         let Some((residual, is_invariant)) = self.grow(length, removed) else {
-            return Ok(Some(Advance::Ended(SINGULAR)));
+            return ended(SINGULAR);
         };
         if !is_invariant {
             vectors.push(left).inspect_err(|_| self.cycle.undo())?;
             self.cycle.width += 1;
         }
-        Ok(Some(settled(system, residual, is_invariant)))
+        Ok(settled(system, residual, is_invariant))
     }
 
     /// Adds a product of this length, which the basis has been removed from, to the cycle. Returns the new residual norm, and whether the space
@@ -238,40 +227,6 @@ fn settled(system: &mut System, residual: f64, is_invariant: bool) -> Advance {
 
 impl Recurrence for Gmres {
     fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
-        let stepped = self.advance(system, operator);
-        if self.resident.is_some() && matches!(stepped, Err(Error::Device { .. })) {
-            self.leave(system);
-        }
-        stepped
-    }
-
-    fn last_iterate(&mut self, system: &mut System) -> Result<Vec<f64>> {
-        if !self.started || self.resident.is_none() {
-            return Ok(self.iterate(system));
-        }
-        let mut x = system.x.clone();
-        self.add_correction(&mut x).inspect_err(|_| self.leave(system))?;
-        Ok(x)
-    }
-
-    fn iterate(&self, system: &System) -> Vec<f64> {
-        let mut x = system.x.clone();
-        // If the memory of the operator or the preconditioner fails, the result is the iterate of the last restart.
-        if self.started && !self.is_hatted {
-            let _ = self.add_correction(&mut x);
-        } else if self.started {
-            let (mut sum, mut hat) = (vec![0.0; x.len()], vec![0.0; x.len()]);
-            let made = self.add_correction(&mut sum).and_then(|()| system.inverse.apply(&sum, &mut hat));
-            if made.is_ok() {
-                axpy(1.0, &hat, &mut x);
-            }
-        }
-        x
-    }
-}
-
-impl Gmres {
-    fn advance(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
         if system.open(operator)? {
             return Ok(Advance::Continuing);
         }
@@ -287,16 +242,41 @@ impl Gmres {
         if self.cycle.width > self.cycle.steps {
             self.download()?;
         }
-        if let Some(mut vectors) = self.resident.take() {
-            let stepped = self.step_resident(system, operator, &mut **own(&mut vectors));
-            self.resident = Some(vectors);
-            return stepped.map(|advance| {
-                advance.unwrap_or_else(|| {
-                    self.leave(system);
-                    Advance::Continuing
-                })
-            });
+        match self.resident.take() {
+            Some(mut vectors) => {
+                let stepped = self.step_resident(system, operator, &mut **own(&mut vectors));
+                self.resident = Some(vectors);
+                stepped
+            }
+            None => self.step_on_host(system, operator),
         }
+    }
+
+    fn leave(&mut self, system: &mut System) {
+        self.may_reside = false;
+        if self.resident.take().is_some() {
+            self.started = false;
+            system.tally.residual = norm(&system.r);
+            system.tally.best = system.tally.residual;
+        }
+    }
+
+    fn iterate(&self, system: &System) -> Result<Vec<f64>> {
+        let mut x = system.x.clone();
+        if self.started && !self.is_hatted {
+            self.add_correction(&mut x)?;
+        } else if self.started {
+            let (mut sum, mut hat) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+            self.add_correction(&mut sum)?;
+            system.inverse.apply(&sum, &mut hat)?;
+            axpy(1.0, &hat, &mut x);
+        }
+        Ok(x)
+    }
+}
+
+impl Gmres {
+    fn step_on_host(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
         let Some(v) = self.cycle.basis.columns().last() else {
             return ended(Status::SpaceExhausted);
         };

@@ -168,7 +168,7 @@ pub struct Solution {
 /// # Errors
 /// The errors of [`Solver::step`]. The solver then holds all steps up to the product that failed: its [`solution`](Solver::solution) is
 /// valid, and another call continues from there. If the operator holds the vectors ([`Operator::vectors`]) and its memory fails, the solver
-/// begins again, GMRES from its last restart.
+/// begins again with its first iterate. GMRES goes on from its last restart.
 pub fn solve_from(
     solver: &mut Solver,
     operator: &mut dyn Adjoint,
@@ -282,8 +282,8 @@ impl Solver {
     ///
     /// # Errors
     /// The error of the product, and [`Error::Numerical`] for a product that holds NaN. The state is then as before the step, and the step
-    /// can be taken again with bitwise equal results. If the memory of the operator held the vectors and failed, the state is that before
-    /// the first step, or with GMRES that of the last restart. [`Error::Dimension`] if the operator does not fit. [`Error::Numerical`] if the method
+    /// can be taken again with bitwise equal results. If the memory of the operator held the vectors and failed, the iterate and its
+    /// residual are those of the first step, or with GMRES those of the last restart. [`Error::Dimension`] if the operator does not fit. [`Error::Numerical`] if the method
     /// needs a symmetric operator and this operator is not declared symmetric. The error of the preconditioner; in this case a product may
     /// be lost.
     pub fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
@@ -296,10 +296,11 @@ impl Solver {
             )));
         }
         let stepped = self.recurrence.step(&mut self.system, operator);
-        if matches!(stepped, Err(Error::Device { .. })) && self.system.leave() {
-            self.recurrence.restart();
+        if matches!(stepped, Err(Error::Device { .. })) {
+            self.recurrence.leave(&mut self.system);
         }
-        stepped
+        // A product has shown that the operator is not of ordinary size, and the host begins again.
+        if std::mem::take(&mut self.system.is_refused) { Ok(Advance::Continuing) } else { stepped }
     }
 
     /// The products and residuals so far.
@@ -307,15 +308,21 @@ impl Solver {
         self.system.tally()
     }
 
-    /// Works like [`Solver::solution`]. Fails with the error of the memory in which the vectors are.
+    /// Works like [`Solver::solution`]. Fails with the error of the preconditioner, or of the memory in which the vectors are; the state is
+    /// then as after such an error of a step.
     fn last_solution(&mut self) -> Result<Vec<f64>> {
-        let x = self.recurrence.last_iterate(&mut self.system)?;
-        Ok(self.system.undivided(x))
+        let x = self.recurrence.iterate(&self.system);
+        if matches!(x, Err(Error::Device { .. })) {
+            self.recurrence.leave(&mut self.system);
+        }
+        x.map(|x| self.system.undivided(x))
     }
 
-    /// The best iterate so far, of length `cols`. Its residual norm is [`Tally::best`]. Takes no product.
+    /// The best iterate so far, of length `cols`. Its residual norm is [`Tally::best`]. Takes no product. If the memory in which the vectors
+    /// are fails, or the preconditioner, the result is the first iterate, or with GMRES that of the last restart; its residual is larger.
     pub fn solution(&self) -> Vec<f64> {
-        self.system.undivided(self.recurrence.iterate(&self.system))
+        let x = self.recurrence.iterate(&self.system).unwrap_or_else(|_| self.system.x.clone());
+        self.system.undivided(x)
     }
 }
 
@@ -324,21 +331,13 @@ pub(crate) trait Recurrence: Send {
     /// Takes one step: at most one product.
     fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance>;
 
-    /// Forgets all steps, because the system is again that of the first step.
-    fn restart(&mut self) {}
+    /// Goes on with the host, after a failure of the memory of the operator. If vectors were there, the state is an earlier one, whose
+    /// residual is true.
+    fn leave(&mut self, _: &mut System) {}
 
-    /// The best iterate so far, in the units of the system. If it cannot be read, the result is an earlier iterate.
-    fn iterate(&self, system: &System) -> Vec<f64> {
-        system.best_iterate().unwrap_or_else(|_| system.x.clone())
-    }
-
-    /// Works like [`Recurrence::iterate`]. If the iterate cannot be read, the state goes back to an earlier one.
-    fn last_iterate(&mut self, system: &mut System) -> Result<Vec<f64>> {
-        system.best_iterate().inspect_err(|_| {
-            if system.leave() {
-                self.restart();
-            }
-        })
+    /// The best iterate so far, in the units of the system. Fails with the errors of [`Solver::last_solution`].
+    fn iterate(&self, system: &System) -> Result<Vec<f64>> {
+        system.best_iterate()
     }
 }
 

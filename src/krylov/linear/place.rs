@@ -1,7 +1,7 @@
 //! The vectors of a short recurrence, in the host's memory or in that of the operator.
 
 use super::system::System;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::krylov::basis::{dot, norm, norm_of_square, update, update2};
 use crate::operator::{Adjoint, Sums, Vectors};
 
@@ -12,6 +12,8 @@ pub(super) enum At {
     Work,
     /// The iterate.
     X,
+    /// The iterate with the smallest residual.
+    Best,
     /// The residual.
     R,
     /// A vector of the method.
@@ -40,14 +42,20 @@ pub(super) enum Place {
 /// The number of vectors that every method has in the memory of the operator.
 const COMMON: usize = 3;
 
-/// The column of a vector, or `None` for `w`.
-fn column(columns: &[usize], at: At) -> Option<usize> {
+/// The place of a vector in the list of columns, or `None` for `w`.
+fn slot(at: At) -> Option<usize> {
     match at {
         At::Work => None,
-        At::X => Some(columns[0]),
-        At::R => Some(columns[2]),
-        At::Own(index) => Some(columns[COMMON + index]),
+        At::X => Some(0),
+        At::Best => Some(1),
+        At::R => Some(2),
+        At::Own(index) => Some(COMMON + index),
     }
+}
+
+/// The column of a vector, or `None` for `w`.
+fn column(columns: &[usize], at: At) -> Option<usize> {
+    slot(at).map(|slot| columns[slot])
 }
 
 fn picked<const K: usize>(columns: &[usize], (sums, norm): &Sums, with: [At; K]) -> Dots<K> {
@@ -59,8 +67,8 @@ fn picked<const K: usize>(columns: &[usize], (sums, norm): &Sums, with: [At; K])
 /// The vectors of the short recurrences.
 impl System {
     /// Takes the residual of the first iterate if it is not known yet: one product. Returns true if this call took the residual. Otherwise
-    /// makes the vectors of the method if it has none yet, in the memory of the operator where it has one, and if there is no preconditioner,
-    /// which would work on the host.
+    /// makes the vectors of the method, unless it has them. They are in the memory of the operator if there is one. A preconditioner works
+    /// on the host, and its vectors are there.
     pub(super) fn begin(&mut self, operator: &mut dyn Adjoint, own: usize) -> Result<bool> {
         if self.open(operator)? {
             return Ok(true);
@@ -68,34 +76,40 @@ impl System {
         if !matches!(&self.place, Place::Host(vectors) if vectors.is_empty()) {
             return Ok(false);
         }
-        let may_reside = !self.has_left && self.inverse.is_identity();
         let is_ordinary = self.tally.operator_power.unwrap_or(0) == 0;
-        let made = match may_reside && is_ordinary {
-            true => operator.vectors(COMMON + own, None)?,
-            false => None,
-        };
-        self.place = match made {
-            Some(mut vectors) => {
-                for vector in [&self.x, &self.x, &self.r] {
-                    vectors.load(vector)?;
-                    vectors.push(1.0)?;
-                }
-                self.work.fill(0.0);
-                vectors.load(&self.work)?;
-                (0..own).try_for_each(|_| vectors.push(1.0))?;
-                Place::Resident(vectors, (0..COMMON + own).collect())
+        if !self.has_left && is_ordinary && self.inverse.is_identity() {
+            self.has_left = true;
+            if let Some(vectors) = self.upload(operator, own)? {
+                self.place = Place::Resident(vectors, (0..COMMON + own).collect());
+                return Ok(false);
             }
-            None => Place::Host(vec![vec![0.0; self.x.len()]; own]),
-        };
+        }
+        self.place = Place::Host(vec![vec![0.0; self.x.len()]; own]);
         Ok(false)
     }
 
-    /// Gives up the memory of the operator, which has failed. The iterate and the residual are those of the first step. Returns true if the
-    /// vectors were there.
+    /// Copies the vectors to the memory of the operator, if it has one that can combine them.
+    fn upload(&self, operator: &dyn Adjoint, own: usize) -> Result<Option<Box<dyn Vectors>>> {
+        let Some(mut vectors) = operator.vectors(COMMON + own, None)? else { return Ok(None) };
+        vectors.load(&self.x)?;
+        vectors.push(1.0)?;
+        vectors.push(1.0)?;
+        vectors.load(&self.r)?;
+        vectors.push(1.0)?;
+        vectors.load(&vec![0.0; self.x.len()])?;
+        (0..own).try_for_each(|_| vectors.push(1.0))?;
+        let can_combine = vectors.combine(Some(COMMON + own - 1), &[(1.0, None)], 1.0);
+        if let Err(failed @ Error::Device { .. }) = can_combine {
+            return Err(failed);
+        }
+        Ok(can_combine.is_ok().then_some(vectors))
+    }
+
+    /// Gives up the memory of the operator. The iterate and the residual are those of the first step. Returns true if the vectors were
+    /// there.
     pub(super) fn leave(&mut self) -> bool {
         let is_resident = matches!(self.place, Place::Resident(..));
         if is_resident {
-            self.has_left = true;
             self.place = Place::Host(Vec::new());
             self.best.copy_from_slice(&self.x);
             self.tally.residual = norm(&self.r);
@@ -104,22 +118,11 @@ impl System {
         is_resident
     }
 
-    /// Moves all vectors to the host's memory.
-    fn download(&mut self) -> Result<()> {
-        let Place::Resident(vectors, columns) = &self.place else { return Ok(()) };
-        let mut read = columns.iter().map(|&column| Ok(vectors.column(column)?.into_owned()));
-        let mut next = || read.next().unwrap_or_else(|| Ok(Vec::new()));
-        let common = [next()?, next()?, next()?];
-        let own = read.collect::<Result<_>>()?;
-        [self.x, self.best, self.r] = common;
-        (self.place, self.has_left) = (Place::Host(own), true);
-        Ok(())
-    }
-
     /// A vector in the host's memory. Only the method's own vectors are elsewhere if the vectors are in the memory of the operator.
     fn host(&self, at: At) -> &[f64] {
         match (at, &self.place) {
             (At::X, _) => &self.x,
+            (At::Best, _) => &self.best,
             (At::R, _) => &self.r,
             (At::Own(index), Place::Host(own)) => &own[index],
             _ => &self.work,
@@ -130,27 +133,28 @@ impl System {
     fn host_mut(&mut self, at: At) -> &mut Vec<f64> {
         match (at, &mut self.place) {
             (At::X, _) => &mut self.x,
+            (At::Best, _) => &mut self.best,
             (At::R, _) => &mut self.r,
             (At::Own(index), Place::Host(own)) => &mut own[index],
             _ => &mut self.work,
         }
     }
 
-    /// `w ← A v`. Returns the inner products with `w`.
+    /// `w ← A v`, for a vector `v` of about this length. Returns the inner products with `w`.
     pub(super) fn multiply<const K: usize>(
         &mut self,
         operator: &mut dyn Adjoint,
-        of: At,
+        (of, length): (At, f64),
         with: [At; K],
     ) -> Result<Dots<K>> {
-        if let Place::Resident(vectors, columns) = &mut self.place
-            && let Some(of) = column(columns, of)
-        {
-            if let Some(sums) = self.tally.product_within(operator, &mut **vectors, of)? {
-                return Ok(picked(columns, &sums, with));
-            }
-            // The operator is not of ordinary size.
-            self.download()?;
+        if let (Place::Resident(..), Some(slot)) = (&self.place, slot(of)) {
+            // The vectors are moved out, because the system is borrowed meanwhile.
+            let mut place = std::mem::replace(&mut self.place, Place::Host(Vec::new()));
+            let Place::Resident(vectors, columns) = &mut place else { return self.dots(with) };
+            let sums = self.product_within(operator, &mut **vectors, (columns[slot], length));
+            let found = sums.map(|sums| picked(columns, &sums, with));
+            self.place = place;
+            return found;
         }
         let vector = std::mem::take(self.host_mut(of));
         let taken = self.tally.product(operator, &vector, &mut self.work);
@@ -161,7 +165,8 @@ impl System {
     /// The inner products with `w`.
     pub(super) fn dots<const K: usize>(&mut self, with: [At; K]) -> Result<Dots<K>> {
         if let Place::Resident(vectors, columns) = &mut self.place {
-            return Ok(picked(columns, &vectors.dots_and_norm(0)?, with));
+            let first = if K == 0 { columns.len() } else { 0 };
+            return Ok(picked(columns, &vectors.dots_and_norm(first)?, with));
         }
         let w = &self.work;
         let square = dot(w, w);
@@ -169,12 +174,12 @@ impl System {
         Ok(Dots { with, square, norm: norm_of_square(square, w) })
     }
 
-    /// `w ← (Σ c v)/divisor`, for one to three terms `(c, v)` in the order of the sum. Of three terms, `w` can only be the first, and it is
-    /// never the only one.
-    pub(super) fn combine(&mut self, terms: &[(f64, At)], divisor: f64) -> Result<()> {
+    /// `to ← (Σ c v)/divisor`, for one to three terms `(c, v)` in the order of the sum. If there are three, only the first can be `w`.
+    /// Afterwards, `w` is unspecified unless it is `to`.
+    pub(super) fn combine(&mut self, to: At, terms: &[(f64, At)], divisor: f64) -> Result<()> {
         if let Place::Resident(vectors, columns) = &mut self.place {
             let terms: Vec<_> = terms.iter().map(|&(c, at)| (c, column(columns, at))).collect();
-            return vectors.combine(&terms, divisor);
+            return vectors.combine(column(columns, to), &terms, divisor);
         }
         let mut w = std::mem::take(&mut self.work);
         let mut others = terms.to_vec();
@@ -186,15 +191,20 @@ impl System {
         }
         let vectors: Vec<(f64, &[f64])> = others.iter().map(|&(c, at)| (c, self.host(at))).collect();
         match (of_w, &vectors[..]) {
+            (Some(a), &[]) => update(&mut w, &self.b, |w, _| a * w / divisor),
             (None, &[(c, v)]) => update(&mut w, v, |_, v| c * v / divisor),
             (None, &[(c, u), (d, v)]) => update2(&mut w, u, v, |_, u, v| (c * u + d * v) / divisor),
             (Some(a), &[(c, v)]) => update(&mut w, v, |w, v| (a * w + c * v) / divisor),
             (Some(a), &[(c, u), (d, v)]) => {
                 update2(&mut w, u, v, |w, u, v| (a * w + c * u + d * v) / divisor);
             }
-            _ => debug_assert!(false, "one to three terms, and not only w"),
+            _ => debug_assert!(false, "one to three terms"),
         }
-        self.work = w;
+        if to == At::Work {
+            self.work = w;
+        } else {
+            self.work = std::mem::replace(self.host_mut(to), w);
+        }
         Ok(())
     }
 
@@ -207,11 +217,11 @@ impl System {
         Ok(())
     }
 
-    /// Exchanges two vectors. In the memory of the operator, neither may be `w`.
+    /// Exchanges two different vectors. In the memory of the operator, neither may be `w`.
     pub(super) fn exchange(&mut self, a: At, b: At) {
+        debug_assert_ne!(a, b);
         if let Place::Resident(_, columns) = &mut self.place {
-            let index = |at| column(columns, at).and_then(|of| columns.iter().position(|&other| other == of));
-            if let (Some(a), Some(b)) = (index(a), index(b)) {
+            if let (Some(a), Some(b)) = (slot(a), slot(b)) {
                 columns.swap(a, b);
             }
             return;
@@ -221,17 +231,17 @@ impl System {
         *self.host_mut(a) = vector;
     }
 
-    /// `x ← w`, an iterate whose residual has this norm. Keeps it also as the best iterate if it is. Afterwards, `w` is unspecified.
-    pub(super) fn accept(&mut self, residual: f64) -> Result<()> {
-        if let Place::Resident(vectors, columns) = &mut self.place {
-            // If the memory fails, the system is that of the first step again.
-            if self.tally.note(residual) {
-                vectors.keep(columns[1])?;
-            }
-            return vectors.keep(columns[0]);
+    /// `x ← x + c v`, an iterate whose residual has this norm. Keeps it also as the best iterate if it is. Afterwards, `w` is unspecified.
+    pub(super) fn accept(&mut self, (c, v): (f64, At), residual: f64) -> Result<()> {
+        let sum = [(1.0, At::X), (c, v)];
+        let is_best = self.tally.note(residual);
+        if is_best && matches!(self.place, Place::Resident(..)) {
+            self.combine(At::Best, &sum, 1.0)?;
         }
-        self.exchange(At::X, At::Work);
-        self.note(residual);
+        self.combine(At::X, &sum, 1.0)?;
+        if is_best && matches!(self.place, Place::Host(_)) {
+            update(&mut self.best, &self.x, |_, x| x);
+        }
         Ok(())
     }
 
@@ -240,11 +250,11 @@ impl System {
         if matches!(self.place, Place::Host(_)) {
             return Ok(dot(self.host(u), self.host(v)));
         }
-        self.combine(&[(1.0, u)], 1.0)?;
+        self.combine(At::Work, &[(1.0, u)], 1.0)?;
         Ok(self.dots([v])?.with[0])
     }
 
-    /// `‖v‖` of the residual or of a preconditioned vector, which is in the host's memory.
+    /// `‖v‖` of the residual, or of a preconditioned vector, which is in the host's memory.
     pub(super) fn length(&self, at: At) -> f64 {
         if at == At::R { self.tally.residual } else { norm(self.host(at)) }
     }

@@ -78,13 +78,13 @@ impl Recurrence for Cg {
                 }));
             }
             let beta = if self.rho > 0.0 { rho / self.rho } else { 0.0 };
-            system.combine(&[(1.0, z), (beta, P)], 1.0)?;
+            system.combine(At::Work, &[(1.0, z), (beta, P)], 1.0)?;
             self.length = system.dots([])?.norm;
             system.keep(P)?;
             self.rho = rho;
             self.directed = true;
         }
-        let product = system.multiply(operator, P, [P, z])?;
+        let product = system.multiply(operator, (P, self.length), [P, z])?;
         let [curvature, with_z] = product.with;
         let asymmetry = (with_z - curvature).abs();
         let length = product.norm;
@@ -97,17 +97,18 @@ impl Recurrence for Cg {
         }
         let alpha = self.rho / curvature;
         self.directed = false;
-        system.combine(&[(1.0, At::R), (-alpha, At::Work)], 1.0)?;
+        system.combine(At::Work, &[(1.0, At::R), (-alpha, At::Work)], 1.0)?;
         let residual = system.dots([])?;
         self.square = Some(residual.square);
         system.keep(At::R)?;
-        system.combine(&[(1.0, At::X), (alpha, P)], 1.0)?;
-        system.accept(residual.norm)?;
+        system.accept((alpha, P), residual.norm)?;
         Ok(Advance::Continuing)
     }
 
-    fn restart(&mut self) {
-        *self = Self { noise: self.noise, ..Self::default() };
+    fn leave(&mut self, system: &mut System) {
+        if system.leave() {
+            *self = Self { noise: self.noise, ..Self::default() };
+        }
     }
 }
 
@@ -124,7 +125,7 @@ const RISE: f64 = 1e-14;
 /// With a symmetric positive definite `M`, the method minimizes `‖b − A x‖` in the norm of `M⁻¹`. It is MINRES on `M^-½ A M^-½` without
 /// computing the roots, so symmetry is kept. With `M = D`, this scales the system symmetrically.
 ///
-/// `‖r‖` in the norm of `M⁻¹` falls monotonically. Without a preconditioner, this norm is the reported residual. With a preconditioner, the
+/// `‖r‖` in the norm of `M⁻¹` falls monotonically, unless the memory of the operator fails. Without a preconditioner, this norm is the reported residual. With a preconditioner, the
 /// best iterate in the 2-norm is returned. The true residual comes from a recurrence and costs no product. A step takes one product. The
 /// method ends where `‖A r‖` vanishes (a least-squares solution of a singular system). It also ends where `v_{j−1}ᵀ A v_j` differs from
 /// `β_j` by more than rounding or noise (the operator is not symmetric). The method stores nine `n`-vectors: `b, x`, the best `x`, `r`,
@@ -179,11 +180,9 @@ impl Minres {
             }));
         }
         let length = square.sqrt();
-        system.combine(&[(1.0, At::R)], length)?;
-        system.keep(V[0])?;
+        system.combine(V[0], &[(1.0, At::R)], length)?;
         if z == MV[0] {
-            system.combine(&[(1.0, z)], length)?;
-            system.keep(z)?;
+            system.combine(z, &[(1.0, z)], length)?;
         }
         self.eta = length;
         self.started = true;
@@ -194,12 +193,9 @@ impl Minres {
     fn next_vector(system: &mut System, image: At, beta: f64) -> Result<()> {
         // A vector of length 0 holds only rounding errors, and the space is invariant.
         let (factor, divisor) = if beta > 0.0 { (1.0, beta) } else { (0.0, 1.0) };
-        system.keep(V[1])?;
-        system.combine(&[(factor, V[1])], divisor)?;
-        system.keep(V[1])?;
+        system.combine(V[1], &[(factor, At::Work)], divisor)?;
         if image == MV_NEXT {
-            system.combine(&[(factor, image)], divisor)?;
-            system.keep(MV[1])?;
+            system.combine(MV[1], &[(factor, image)], divisor)?;
         }
         Ok(())
     }
@@ -217,7 +213,7 @@ impl Recurrence for Minres {
             return Ok(Advance::Ended(status));
         }
         let [z, z_old] = if is_plain { V } else { MV };
-        let product = system.multiply(operator, z, [z, z_old])?;
+        let product = system.multiply(operator, (z, 1.0), [z, z_old])?;
         let [alpha, with_old] = product.with;
         let beta = self.beta;
         let asymmetry = if beta > 0.0 { (with_old - beta).abs() } else { 0.0 };
@@ -226,7 +222,7 @@ impl Recurrence for Minres {
         if asymmetry > tolerance * product.norm * if is_plain { 1.0 } else { system.length(z_old) } {
             return ended(Status::NotSymmetric);
         }
-        system.combine(&[(1.0, At::Work), (-alpha, V[0]), (-beta, V[1])], 1.0)?;
+        system.combine(At::Work, &[(1.0, At::Work), (-alpha, V[0]), (-beta, V[1])], 1.0)?;
         let image = system.preconditioned(At::Work, MV_NEXT)?;
         let rest = system.dots([image])?;
         let [square] = rest.with;
@@ -251,8 +247,7 @@ impl Recurrence for Minres {
         let above = s1 * alpha + c0 * c1 * beta;
         let far = s0 * beta;
         Self::next_vector(system, image, beta_next)?;
-        system.combine(&[(1.0, z), (-far, W[1]), (-above, W[0])], rho)?;
-        system.keep(W[1])?;
+        system.combine(W[1], &[(1.0, z), (-far, W[1]), (-above, W[0])], rho)?;
         system.exchange(W[0], W[1]);
         system.exchange(V[0], V[1]);
         if !is_plain {
@@ -264,16 +259,17 @@ impl Recurrence for Minres {
         self.cosines = [c, c1];
         self.sines = [s, s1];
         // r_j = s² r_{j−1} + c η v_{j+1}
-        system.combine(&[(s * s, At::R), (c * self.eta, V[0])], 1.0)?;
+        system.combine(At::Work, &[(s * s, At::R), (c * self.eta, V[0])], 1.0)?;
         let residual = system.dots([])?.norm;
         system.keep(At::R)?;
-        system.combine(&[(1.0, At::X), (moved, W[0])], 1.0)?;
         let rises = residual > system.tally.residual * (1.0 + RISE) && is_plain;
-        system.accept(residual)?;
+        system.accept((moved, W[0]), residual)?;
         Ok(if beta_next == 0.0 || rises { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
     }
 
-    fn restart(&mut self) {
-        *self = Self::new(self.noise);
+    fn leave(&mut self, system: &mut System) {
+        if system.leave() {
+            *self = Self::new(self.noise);
+        }
     }
 }

@@ -19,7 +19,8 @@ pub struct Tally {
     pub rhs_norm: f64,
     /// `‖b − A x‖` of the current iterate; infinite until the residual of `x0` is known.
     pub residual: f64,
-    /// The smallest residual norm so far, which is the residual norm of the best iterate.
+    /// The smallest residual norm so far, which is the residual norm of the best iterate. After a failure of the memory of the operator, it
+    /// is that of an earlier iterate.
     pub best: f64,
     /// The relative noise `‖y − A v‖ / ‖y‖` of the least noisy product so far, from the errors that the operator states
     /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)); 0 if the operator states no errors.
@@ -95,31 +96,6 @@ impl Tally {
         Ok(())
     }
 
-    /// Takes `w = A v` for column `v`, of norm 1, of vectors in the memory of the operator, and counts it. Returns `Vᵀ w` and `‖w‖`, or
-    /// `None` if the operator is not of ordinary size.
-    pub(crate) fn product_within(
-        &mut self,
-        operator: &mut dyn Adjoint,
-        vectors: &mut dyn Vectors,
-        column: usize,
-    ) -> Result<Option<Sums>> {
-        operator.apply_within(vectors, column)?;
-        let (dots, length) = vectors.dots_and_norm(0)?;
-        if !length.is_finite() {
-            let fault = format!("product {} with the operator holds a NaN or an infinity", self.products + 1);
-            return Err(Error::Numerical(fault));
-        }
-        self.count(length, operator.standard_error());
-        if self.operator_power.is_none() && length > 0.0 {
-            if power(exponent(length)) != 0 {
-                return Ok(None);
-            }
-            self.operator_power = Some(0);
-        }
-        self.multiplied = 0;
-        Ok(Some((dots, length)))
-    }
-
     /// Counts a product of this length and standard error.
     fn count(&mut self, length: f64, error: f64) {
         self.products += 1;
@@ -167,8 +143,11 @@ pub struct System {
     pub(crate) inverse: Inverse,
     /// The vectors of a short recurrence.
     pub(super) place: Place,
-    /// True if these vectors may not be in the memory of the operator, because it failed or is not of ordinary size.
+    /// True if these vectors may not be in the memory of the operator. The memory has failed, or lacks what is needed, or the operator is
+    /// not of ordinary size.
     pub(super) has_left: bool,
+    /// True if the last product was the first in the memory of an operator that is not of ordinary size.
+    pub(super) is_refused: bool,
 }
 
 /// `M⁻¹`, or the identity.
@@ -228,6 +207,7 @@ impl System {
             inverse: Inverse(options.preconditioner.clone()),
             place: Place::Host(Vec::new()),
             has_left: false,
+            is_refused: false,
         })
     }
 
@@ -252,6 +232,33 @@ impl System {
             }
             _ => Self::new(cols, b, options),
         }
+    }
+
+    /// Takes `w = A v` for a column `v`, about of norm `size`, of vectors in the memory of the operator, and counts it. Returns `Vᵀ w` and
+    /// `‖w‖`. Fails with [`Error::Device`], and refuses that memory, if the operator is not of ordinary size.
+    pub(super) fn product_within(
+        &mut self,
+        operator: &mut dyn Adjoint,
+        vectors: &mut dyn Vectors,
+        (column, size): (usize, f64),
+    ) -> Result<Sums> {
+        operator.apply_within(vectors, column)?;
+        let (dots, length) = vectors.dots_and_norm(0)?;
+        let is_known = self.tally.operator_power.is_some();
+        if is_known && !length.is_finite() {
+            let product = self.tally.products + 1;
+            let fault = format!("product {product} with the operator holds a NaN or an infinity");
+            return Err(Error::Numerical(fault));
+        }
+        self.tally.count(length, operator.standard_error());
+        let is_ordinary = length.is_finite() && length > 0.0 && power(exponent(length) - exponent(size)) == 0;
+        if !is_known && !is_ordinary {
+            self.is_refused = true;
+            return Err(Error::device("the numbers of the operator are not of ordinary size"));
+        }
+        self.tally.operator_power = Some(0);
+        self.tally.multiplied = 0;
+        Ok((dots, length))
     }
 
     /// Scales the first iterate, once, by the ratio of the powers of two that divide the operator's products and `b`. If all products were

@@ -165,7 +165,10 @@ impl LightTransport {
         let Self { engine: Engine::Replayed(traced), journal: Some(journal), may_reside, .. } = self else {
             return Ok(());
         };
-        *may_reside = journal.photos() == 0 || journal.read_note(notes::ON_DEVICE)?.is_some();
+        if journal.photos() == 0 && traced.is_on_gpu() {
+            journal.note(notes::ON_DEVICE, &[])?;
+        }
+        *may_reside = journal.read_note(notes::ON_DEVICE)?.is_some();
         if let Some(direct) = direct_diagonal(traced) {
             let bytes: Vec<u8> = direct.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
             journal.note(notes::DIRECT, &bytes)?;

@@ -275,6 +275,50 @@ fn vectors_on_the_device_are_changed_as_on_the_host() -> Result<()> {
 }
 
 #[test]
+fn vectors_on_the_device_are_combined_scaled_and_clipped() -> Result<()> {
+    let random = &mut Pcg64::seed_from_u64(5);
+    let rows = 2600;
+    let mut vectors = DeviceVectors::in_chunks(&Gpu::for_tests(), rows, 4, 3 * 8 * rows as u64)?;
+    let [a, b, c, w] = [(); 4].map(|()| signed(random, rows));
+    for column in [&a, &b, &c, &a] {
+        vectors.load(column)?;
+        vectors.push(1.0)?;
+    }
+    let of = |entry: &dyn Fn(usize) -> f64| (0..rows).map(entry).collect::<Vec<f64>>();
+    // A few operations with numbers below 8.
+    let few = 32.0 * f64::EPSILON;
+    let terms = [(2.0, None), (-3.0, Some(0)), (0.5, Some(2))];
+    for (count, third) in [(3, 0.5), (2, 0.0)] {
+        vectors.load(&w)?;
+        vectors.combine(Some(1), &terms[..count], 3.0)?;
+        let expected = of(&|i| (2.0 * w[i] - 3.0 * a[i] + third * c[i]) / 3.0);
+        assert_near(&vectors.column(1)?, &expected, few, "a combination");
+    }
+    vectors.load(&w)?;
+    vectors.combine(None, &[(-1.0, Some(2)), (1.0, None)], 1.0)?;
+    vectors.keep(1)?;
+    assert_near(&vectors.column(1)?, &of(&|i| w[i] - c[i]), few, "a kept vector");
+    assert_eq!(vectors.work()?, vectors.column(1)?, "w stays");
+    vectors.scale_by(0)?;
+    assert_near(&vectors.work()?, &of(&|i| (w[i] - c[i]) * a[i]), few, "a scaled vector");
+    let size = of(&|i| a[i].abs());
+    vectors.load(&size)?;
+    vectors.keep(0)?;
+    for (lower, upper) in [(-0.25, 0.5), (f64::NEG_INFINITY, 0.0)] {
+        vectors.load(&w)?;
+        vectors.clip_by(0, (lower, upper))?;
+        let expected = of(&|i| w[i].max(lower * size[i]).min(upper * size[i]));
+        assert_near(&vectors.work()?, &expected, few, "a clipped vector");
+    }
+    // The last column is in another buffer.
+    assert!(vectors.combine(None, &[(1.0, Some(3))], 1.0).is_err() && vectors.scale_by(3).is_err());
+    vectors.load(&w)?;
+    vectors.combine(Some(3), &[(1.0, None)], 2.0)?;
+    assert_near(&vectors.column(3)?, &of(&|i| w[i] / 2.0), few, "only terms must be in the first one");
+    Ok(())
+}
+
+#[test]
 fn a_column_is_an_exact_copy_if_nothing_divides_it() -> Result<()> {
     let mut vectors = DeviceVectors::new(&Gpu::for_tests(), 3, 1)?;
     let column = [f64::MIN_POSITIVE / 8.0, 1.0 / 3.0, -0.0];

@@ -15,8 +15,8 @@ use crate::operator::{Product, Selection, Settling, Sums, Vectors};
 /// The bytes of a buffer of columns, unless a single column is larger.
 const CHUNK: u64 = 64 << 20;
 
-/// Up to this number of columns are in one buffer, so that they can be combined. It is the number of the vectors of short recurrences.
-const COMBINED: usize = 16;
+/// The first columns, of this number, are in one buffer if the device permits it, so that they can be combined. No method combines more.
+const COMBINED: usize = 9;
 
 /// A bound beyond this number stands for no bound.
 const FARTHEST: f64 = 1e200;
@@ -105,11 +105,7 @@ impl DeviceVectors {
     pub(super) fn new(gpu: &Gpu, rows: usize, columns: usize) -> Result<Self> {
         let bytes = 8 * rows as u64;
         let largest = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer);
-        let made = Self::in_chunks(gpu, rows, columns, CHUNK.max(COMBINED as u64 * bytes).min(largest))?;
-        if columns <= COMBINED && made.together < columns {
-            return Err(Error::device(format!("no buffer holds {columns} vectors")));
-        }
-        Ok(made)
+        Self::in_chunks(gpu, rows, columns, CHUNK.max(COMBINED as u64 * bytes).min(largest))
     }
 
     /// Works like [`DeviceVectors::new`], with buffers of at most this many bytes, and of at least one column.
@@ -130,8 +126,9 @@ impl DeviceVectors {
         let step =
             |kernel: &Kernel, buffers: [&wgpu::Buffer; 4]| kernel.step(gpu, &Part::default(), &buffers, 0);
         let together = (chunk / bytes.max(1)).clamp(1, columns.max(1) as u64) as usize;
-        let chunk = |_| {
-            let columns = buffer("columns", bytes * together as u64)?;
+        let chunk = |index| {
+            let columns = together.min(columns.max(1) - index * together);
+            let columns = buffer("columns", bytes * columns as u64)?;
             let Coefficients { of_work, of_single, .. } = &coefficients;
             Ok(Chunk {
                 remove_from_work: step(&remove, [&columns, of_work, &work, &partial])?,
@@ -229,24 +226,6 @@ impl DeviceVectors {
     fn place(&self, index: usize) -> (&wgpu::Buffer, u64) {
         let place = (index % self.together) as u64 * self.bytes();
         (&self.chunks[index / self.together].columns, place)
-    }
-
-    /// Computes `(Σ c v)/divisor`, as [`Vectors::combine`], and copies it to a column, or to `w`.
-    fn combined(&mut self, terms: &[(f64, Option<usize>)], divisor: f64, to: Option<usize>) -> Result<()> {
-        let at = |term: usize| terms.get(term).map_or(Ok(W), |&(_, column)| self.combinable(column));
-        let part = Part {
-            columns: terms.len() as u32,
-            first: at(0)?,
-            second: at(1)?,
-            third: at(2)?,
-            ..Part::default()
-        };
-        let mut coefficients = [0.0, 0.0, 0.0, divisor];
-        coefficients.iter_mut().zip(terms).for_each(|(coefficient, (c, _))| *coefficient = *c);
-        self.entry_by_entry(0, part, coefficients, |vectors, encoder| {
-            let (to, place) = to.map_or((&vectors.work, 0), |column| vectors.place(column));
-            encoder.copy_buffer_to_buffer(&vectors.single, 0, to, place, vectors.bytes());
-        })
     }
 
     /// The number by which kernels know a column of the first buffer, or `w`.
@@ -393,14 +372,27 @@ impl Vectors for DeviceVectors {
                 encoder.copy_buffer_to_buffer(&self.work, 0, column, place, self.bytes());
             })?;
         } else {
-            self.combined(&[(1.0, None)], divisor, Some(self.columns))?;
+            self.combine(Some(self.columns), &[(1.0, None)], divisor)?;
         }
         self.columns += 1;
         Ok(())
     }
 
-    fn combine(&mut self, terms: &[(f64, Option<usize>)], divisor: f64) -> Result<()> {
-        self.combined(terms, divisor, None)
+    fn combine(&mut self, to: Option<usize>, terms: &[(f64, Option<usize>)], divisor: f64) -> Result<()> {
+        let at = |term: usize| terms.get(term).map_or(Ok(W), |&(_, column)| self.combinable(column));
+        let part = Part {
+            columns: terms.len() as u32,
+            first: at(0)?,
+            second: at(1)?,
+            third: at(2)?,
+            ..Part::default()
+        };
+        let mut coefficients = [0.0, 0.0, 0.0, divisor];
+        coefficients.iter_mut().zip(terms).for_each(|(coefficient, (c, _))| *coefficient = *c);
+        self.entry_by_entry(0, part, coefficients, |vectors, encoder| {
+            let (to, place) = to.map_or((&vectors.work, 0), |column| vectors.place(column));
+            encoder.copy_buffer_to_buffer(&vectors.single, 0, to, place, vectors.bytes());
+        })
     }
 
     fn keep(&mut self, index: usize) -> Result<()> {
