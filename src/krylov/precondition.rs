@@ -23,6 +23,10 @@ pub trait Preconditioner: Send + Sync {
     fn apply(&self, r: &[f64], z: &mut [f64]) -> Result<()>;
     /// Returns true if `M` is symmetric and positive definite, as CG, MINRES, LSQR and LSMR require.
     fn is_positive_definite(&self) -> bool;
+    /// `d` (`n` numbers other than 0) if `M = diag(d)`, so that the memory of an operator can apply `M⁻¹`.
+    fn diagonal(&self) -> Option<&[f64]> {
+        None
+    }
 }
 
 impl fmt::Debug for dyn Preconditioner {
@@ -80,6 +84,9 @@ impl Preconditioner for Diagonal {
     }
     fn is_positive_definite(&self) -> bool {
         true
+    }
+    fn diagonal(&self) -> Option<&[f64]> {
+        Some(&self.entries)
     }
 }
 

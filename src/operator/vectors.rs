@@ -9,7 +9,8 @@ use crate::error::{Error, Result};
 /// The columns `V`, for example of an orthonormal basis, and a vector `w`; all have `n` entries.
 ///
 /// An operator whose products are computed in another memory ([`Operator::vectors`](super::Operator::vectors)) keeps the vectors there.
-/// Only coefficients then move at each step. After an error, the vectors are unspecified.
+/// Only coefficients then move at each step. After an error of that memory ([`Error::Device`]), the vectors are unspecified; after any other
+/// error, only `w` is.
 pub trait Vectors: Any + Send {
     /// `n`.
     fn rows(&self) -> usize;

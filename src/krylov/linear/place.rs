@@ -67,8 +67,8 @@ fn picked<const K: usize>(columns: &[usize], (sums, norm): &Sums, with: [At; K])
 /// The vectors of the short recurrences.
 impl System {
     /// Takes the residual of the first iterate if it is not known yet: one product. Returns true if this call took the residual. Otherwise
-    /// makes the vectors of the method, unless it has them. They are in the memory of the operator if there is one. A preconditioner works
-    /// on the host, and its vectors are there.
+    /// makes the vectors of the method, unless it has them. They are in the memory of the operator if there is one. A preconditioner that is
+    /// not diagonal works on the host, and its vectors are there.
     pub(super) fn begin(&mut self, operator: &mut dyn Adjoint, own: usize) -> Result<bool> {
         if self.open(operator)? {
             return Ok(true);
@@ -77,7 +77,8 @@ impl System {
             return Ok(false);
         }
         let is_ordinary = self.tally.operator_power.unwrap_or(0) == 0;
-        if !self.has_left && is_ordinary && self.inverse.is_identity() {
+        let is_simple = self.inverse.is_identity() || self.inverse.diagonal().is_some();
+        if !self.has_left && is_ordinary && is_simple {
             self.has_left = true;
             if let Some(vectors) = self.upload(operator, own)? {
                 self.place = Place::Resident(vectors, (0..COMMON + own).collect());
@@ -88,9 +89,12 @@ impl System {
         Ok(false)
     }
 
-    /// Copies the vectors to the memory of the operator, if it has one that can combine them.
+    /// Copies the vectors to the memory of the operator, if it has one that can combine them. With a preconditioner, the inverse of its
+    /// diagonal and a spare column follow.
     fn upload(&self, operator: &dyn Adjoint, own: usize) -> Result<Option<Box<dyn Vectors>>> {
-        let Some(mut vectors) = operator.vectors(COMMON + own, None)? else { return Ok(None) };
+        let inverse = self.inverse.diagonal().map(|d| d.iter().map(|d| d.recip()).collect::<Vec<f64>>());
+        let columns = COMMON + own + if inverse.is_some() { 2 } else { 0 };
+        let Some(mut vectors) = operator.vectors(columns, None)? else { return Ok(None) };
         vectors.load(&self.x)?;
         vectors.push(1.0)?;
         vectors.push(1.0)?;
@@ -98,7 +102,12 @@ impl System {
         vectors.push(1.0)?;
         vectors.load(&vec![0.0; self.x.len()])?;
         (0..own).try_for_each(|_| vectors.push(1.0))?;
-        let can_combine = vectors.combine(Some(COMMON + own - 1), &[(1.0, None)], 1.0);
+        if let Some(inverse) = inverse {
+            vectors.load(&inverse)?;
+            vectors.push(1.0)?;
+            vectors.push(1.0)?;
+        }
+        let can_combine = vectors.combine(None, &[(1.0, Some(columns - 1))], 1.0);
         if let Err(failed @ Error::Device { .. }) = can_combine {
             return Err(failed);
         }
@@ -119,7 +128,7 @@ impl System {
     }
 
     /// A vector in the host's memory. Only the method's own vectors are elsewhere if the vectors are in the memory of the operator.
-    fn host(&self, at: At) -> &[f64] {
+    pub(super) fn host(&self, at: At) -> &[f64] {
         match (at, &self.place) {
             (At::X, _) => &self.x,
             (At::Best, _) => &self.best,
@@ -254,15 +263,30 @@ impl System {
         Ok(self.dots([v])?.with[0])
     }
 
-    /// `‖v‖` of the residual, or of a preconditioned vector, which is in the host's memory.
-    pub(super) fn length(&self, at: At) -> f64 {
-        if at == At::R { self.tally.residual } else { norm(self.host(at)) }
+    /// `‖v‖`. Overwrites `w`.
+    pub(super) fn length(&mut self, v: At) -> Result<f64> {
+        self.combine(At::Work, &[(1.0, v)], 1.0)?;
+        Ok(self.dots([])?.norm)
     }
 
-    /// Returns the place of `M⁻¹ v`: `to`, or `v` itself if there is no preconditioner.
+    /// Returns the place of `M⁻¹ v`: `to`, or `v` itself if there is no preconditioner. Overwrites `w` if the vectors are in the memory of the
+    /// operator, unless `v` is `w`.
     pub(super) fn preconditioned(&mut self, v: At, to: At) -> Result<At> {
         if self.inverse.is_identity() {
             return Ok(v);
+        }
+        if let (Place::Resident(vectors, columns), Some(slot)) = (&mut self.place, slot(to)) {
+            let (inverse, spare) = (columns.len(), columns.len() + 1);
+            match column(columns, v) {
+                Some(v) => vectors.combine(None, &[(1.0, Some(v))], 1.0)?,
+                None => vectors.keep(spare)?,
+            }
+            vectors.scale_by(inverse)?;
+            vectors.keep(columns[slot])?;
+            if v == At::Work {
+                vectors.combine(None, &[(1.0, Some(spare))], 1.0)?;
+            }
+            return Ok(to);
         }
         let mut image = std::mem::take(self.host_mut(to));
         let applied = self.inverse.apply(self.host(v), &mut image);

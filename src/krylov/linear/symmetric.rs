@@ -4,6 +4,7 @@ use super::place::At;
 use super::system::{System, rotation};
 use super::{Advance, Recurrence, SolveOptions, Solver, ended};
 use crate::error::Result;
+use crate::krylov::basis::norm;
 use crate::krylov::completeness::Status;
 use crate::operator::Adjoint;
 
@@ -23,8 +24,9 @@ pub struct Cg {
     rho: f64,
     /// `‖r‖²`, if it is known for the current residual.
     square: Option<f64>,
-    /// `‖p‖`.
+    /// `‖p‖`, and `‖M⁻¹ r‖`.
     length: f64,
+    length_of_z: f64,
     /// True if `p` was computed from the current residual.
     directed: bool,
     /// The relative noise of a product, from the options.
@@ -78,6 +80,7 @@ impl Recurrence for Cg {
                 }));
             }
             let beta = if self.rho > 0.0 { rho / self.rho } else { 0.0 };
+            self.length_of_z = if is_plain { system.tally.residual } else { system.length(Z)? };
             system.combine(At::Work, &[(1.0, z), (beta, P)], 1.0)?;
             self.length = system.dots([])?.norm;
             system.keep(P)?;
@@ -89,7 +92,7 @@ impl Recurrence for Cg {
         let asymmetry = (with_z - curvature).abs();
         let length = product.norm;
         let tolerance = symmetry_tolerance(self.noise, system.tally.standard_error(operator), length);
-        if asymmetry > tolerance * system.length(z) * length {
+        if asymmetry > tolerance * self.length_of_z * length {
             return ended(Status::NotSymmetric);
         }
         if curvature <= f64::EPSILON * self.length * length {
@@ -141,6 +144,8 @@ pub struct Minres {
     /// The last two rotations.
     cosines: [f64; 2],
     sines: [f64; 2],
+    /// The norms of `M⁻¹ v` for the current and the previous Lanczos vector.
+    lengths: [f64; 2],
     /// A lower bound of the preconditioned operator's norm.
     scale: f64,
     started: bool,
@@ -165,7 +170,8 @@ impl Minres {
     }
 
     fn new(noise: f64) -> Self {
-        Self { beta: 0.0, eta: 0.0, cosines: [1.0; 2], sines: [0.0; 2], scale: 0.0, started: false, noise }
+        let (cosines, sines, lengths) = ([1.0; 2], [0.0; 2], [1.0; 2]);
+        Self { beta: 0.0, eta: 0.0, cosines, sines, lengths, scale: 0.0, started: false, noise }
     }
 
     /// Makes the first Lanczos vector, which is `r / ‖r‖` in the norm of `M⁻¹`.
@@ -183,21 +189,23 @@ impl Minres {
         system.combine(V[0], &[(1.0, At::R)], length)?;
         if z == MV[0] {
             system.combine(z, &[(1.0, z)], length)?;
+            self.lengths[0] = system.length(z)?;
         }
         self.eta = length;
         self.started = true;
         Ok(None)
     }
 
-    /// Makes the next Lanczos vector from `w`, and its image from `image`, both of length `β`.
-    fn next_vector(system: &mut System, image: At, beta: f64) -> Result<()> {
+    /// Makes the next Lanczos vector from `w`, and its image from `image`, both of length `β`. Returns the norm of the image.
+    fn next_vector(system: &mut System, image: At, beta: f64) -> Result<f64> {
         // A vector of length 0 holds only rounding errors, and the space is invariant.
         let (factor, divisor) = if beta > 0.0 { (1.0, beta) } else { (0.0, 1.0) };
         system.combine(V[1], &[(factor, At::Work)], divisor)?;
-        if image == MV_NEXT {
-            system.combine(MV[1], &[(factor, image)], divisor)?;
+        if image != MV_NEXT {
+            return Ok(1.0);
         }
-        Ok(())
+        system.combine(MV[1], &[(factor, image)], divisor)?;
+        system.length(MV[1])
     }
 }
 
@@ -213,13 +221,13 @@ impl Recurrence for Minres {
             return Ok(Advance::Ended(status));
         }
         let [z, z_old] = if is_plain { V } else { MV };
-        let product = system.multiply(operator, (z, 1.0), [z, z_old])?;
+        let product = system.multiply(operator, (z, self.lengths[0]), [z, z_old])?;
         let [alpha, with_old] = product.with;
         let beta = self.beta;
         let asymmetry = if beta > 0.0 { (with_old - beta).abs() } else { 0.0 };
         let error = system.tally.standard_error(operator);
         let tolerance = symmetry_tolerance(self.noise, error, product.norm);
-        if asymmetry > tolerance * product.norm * if is_plain { 1.0 } else { system.length(z_old) } {
+        if asymmetry > tolerance * product.norm * self.lengths[1] {
             return ended(Status::NotSymmetric);
         }
         system.combine(At::Work, &[(1.0, At::Work), (-alpha, V[0]), (-beta, V[1])], 1.0)?;
@@ -227,7 +235,8 @@ impl Recurrence for Minres {
         let rest = system.dots([image])?;
         let [square] = rest.with;
         let mut beta_next = square.max(0.0).sqrt();
-        if !is_plain && square < -f64::EPSILON * rest.norm * system.length(image) {
+        // A diagonal preconditioner, which need not be on the host, is positive definite.
+        if square < 0.0 && square < -f64::EPSILON * rest.norm * norm(system.host(image)) {
             return ended(Status::Breakdown("the preconditioner is not positive definite"));
         }
         self.scale = self.scale.max(alpha.hypot(beta).hypot(beta_next));
@@ -246,7 +255,7 @@ impl Recurrence for Minres {
         }
         let above = s1 * alpha + c0 * c1 * beta;
         let far = s0 * beta;
-        Self::next_vector(system, image, beta_next)?;
+        let length = Self::next_vector(system, image, beta_next)?;
         system.combine(W[1], &[(1.0, z), (-far, W[1]), (-above, W[0])], rho)?;
         system.exchange(W[0], W[1]);
         system.exchange(V[0], V[1]);
@@ -256,6 +265,7 @@ impl Recurrence for Minres {
         let moved = c * self.eta;
         self.eta *= -s;
         self.beta = beta_next;
+        self.lengths = [length, self.lengths[0]];
         self.cosines = [c, c1];
         self.sines = [s, s1];
         // r_j = s² r_{j−1} + c η v_{j+1}

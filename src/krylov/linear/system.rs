@@ -158,6 +158,11 @@ impl Inverse {
         self.0.is_none()
     }
 
+    /// The diagonal of `M`, if `M` is diagonal and not the identity.
+    pub(super) fn diagonal(&self) -> Option<&[f64]> {
+        self.0.as_ref().and_then(|m| m.diagonal())
+    }
+
     /// `z ← M⁻¹ r`.
     pub(crate) fn apply(&self, r: &[f64], z: &mut [f64]) -> Result<()> {
         match &self.0 {

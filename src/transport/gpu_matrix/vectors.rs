@@ -16,7 +16,7 @@ use crate::operator::{Product, Selection, Settling, Sums, Vectors};
 const CHUNK: u64 = 64 << 20;
 
 /// The first columns, of this number, are in one buffer if the device permits it, so that they can be combined. No method combines more.
-const COMBINED: usize = 9;
+const COMBINED: usize = 12;
 
 /// A bound beyond this number stands for no bound.
 const FARTHEST: f64 = 1e200;
