@@ -113,6 +113,14 @@ pub(crate) fn made_elsewhere() -> Error {
     Error::Numerical("the vectors of a product were made by another operator".into())
 }
 
+/// Returns true if a memory combines columns up to this one. Overwrites `w`. Fails with the error of the memory.
+pub(crate) fn can_combine(vectors: &mut dyn Vectors, last: usize) -> Result<bool> {
+    match vectors.combine(None, &[(1.0, Some(last))], 1.0) {
+        Err(failed @ Error::Device { .. }) => Err(failed),
+        combined => Ok(combined.is_ok()),
+    }
+}
+
 /// Computes `‖w‖` from the known value of `wᵀw`, without intermediate overflow or underflow.
 pub(crate) fn norm_of_square(square: f64, w: &[f64]) -> f64 {
     if is_ordinary(square) {

@@ -9,6 +9,7 @@ use super::model::SecantModel;
 use super::sweep::{Coordinates, Swept};
 use crate::error::{Error, Result};
 use crate::krylov::factor::MOST;
+use crate::operator::vectors::can_combine;
 use crate::operator::{Adjoint, Vectors};
 
 /// The number of vectors beside the patterns and products, whose columns follow in pairs.
@@ -104,11 +105,8 @@ impl Copied {
             vectors.load(vector)?;
             vectors.push(1.0)?;
         }
-        let combined = vectors.combine(None, &[(1.0, Some(OTHERS - 1))], 1.0);
-        if let Err(failed @ Error::Device { .. }) = combined {
-            return Err(failed);
-        }
-        Ok(combined.is_ok().then_some(Self { vectors, moving: [U, BEFORE, DOMINANT], known: 0, room }))
+        let combines = can_combine(&mut *vectors, OTHERS - 1)?;
+        Ok(combines.then_some(Self { vectors, moving: [U, BEFORE, DOMINANT], known: 0, room }))
     }
 
     /// `x ← argmin ‖M x − b‖` over the box, starting from `x`. Returns `‖M x − b‖`. After an error of the memory, `x` is as before.

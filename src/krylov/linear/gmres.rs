@@ -180,7 +180,7 @@ impl Gmres {
         operator: &mut dyn Adjoint,
         vectors: &mut dyn Vectors,
     ) -> Result<Advance> {
-        let start = system.product_within(operator, vectors, (self.cycle.width - 1, 1.0))?;
+        let start = system.tally.product_within(operator, vectors, (self.cycle.width - 1, 1.0))?;
         let length = start.1;
         let removed = orthogonalized(start, |h| vectors.remove_and_dot(h))?;
         let left = removed.norm;

@@ -300,7 +300,7 @@ impl Solver {
             self.recurrence.leave(&mut self.system);
         }
         // A product has shown that the operator is not of ordinary size, and the host begins again.
-        if std::mem::take(&mut self.system.is_refused) { Ok(Advance::Continuing) } else { stepped }
+        if std::mem::take(&mut self.system.tally.is_refused) { Ok(Advance::Continuing) } else { stepped }
     }
 
     /// The products and residuals so far.

@@ -1,8 +1,9 @@
 //! The vectors of a short recurrence, in the host's memory or in that of the operator.
 
 use super::system::System;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::krylov::basis::{dot, norm, norm_of_square, update, update2};
+use crate::operator::vectors::can_combine;
 use crate::operator::{Adjoint, Sums, Vectors};
 
 /// A vector of a short recurrence, for a square operator.
@@ -107,11 +108,7 @@ impl System {
             vectors.push(1.0)?;
             vectors.push(1.0)?;
         }
-        let can_combine = vectors.combine(None, &[(1.0, Some(columns - 1))], 1.0);
-        if let Err(failed @ Error::Device { .. }) = can_combine {
-            return Err(failed);
-        }
-        Ok(can_combine.is_ok().then_some(vectors))
+        Ok(can_combine(&mut *vectors, columns - 1)?.then_some(vectors))
     }
 
     /// Gives up the memory of the operator. The iterate and the residual are those of the first step. Returns true if the vectors were
@@ -156,14 +153,11 @@ impl System {
         (of, length): (At, f64),
         with: [At; K],
     ) -> Result<Dots<K>> {
-        if let (Place::Resident(..), Some(slot)) = (&self.place, slot(of)) {
-            // The vectors are moved out, because the system is borrowed meanwhile.
-            let mut place = std::mem::replace(&mut self.place, Place::Host(Vec::new()));
-            let Place::Resident(vectors, columns) = &mut place else { return self.dots(with) };
-            let sums = self.product_within(operator, &mut **vectors, (columns[slot], length));
-            let found = sums.map(|sums| picked(columns, &sums, with));
-            self.place = place;
-            return found;
+        if let Place::Resident(vectors, columns) = &mut self.place
+            && let Some(of) = column(columns, of)
+        {
+            let sums = self.tally.product_within(operator, &mut **vectors, (of, length))?;
+            return Ok(picked(columns, &sums, with));
         }
         let vector = std::mem::take(self.host_mut(of));
         let taken = self.tally.product(operator, &vector, &mut self.work);
@@ -243,15 +237,15 @@ impl System {
     /// `x ← x + c v`, an iterate whose residual has this norm. Keeps it also as the best iterate if it is. Afterwards, `w` is unspecified.
     pub(super) fn accept(&mut self, (c, v): (f64, At), residual: f64) -> Result<()> {
         let sum = [(1.0, At::X), (c, v)];
-        let is_best = self.tally.note(residual);
-        if is_best && matches!(self.place, Place::Resident(..)) {
+        if matches!(self.place, Place::Host(_)) {
+            self.combine(At::X, &sum, 1.0)?;
+            self.note(residual);
+            return Ok(());
+        }
+        if self.tally.note(residual) {
             self.combine(At::Best, &sum, 1.0)?;
         }
-        self.combine(At::X, &sum, 1.0)?;
-        if is_best && matches!(self.place, Place::Host(_)) {
-            update(&mut self.best, &self.x, |_, x| x);
-        }
-        Ok(())
+        self.combine(At::X, &sum, 1.0)
     }
 
     /// `uᵀ v`. Overwrites `w` if the vectors are in the memory of the operator.

@@ -29,6 +29,8 @@ pub struct Tally {
     pub(crate) operator_power: Option<i32>,
     /// The exponent of the power of two that multiplied the last product.
     multiplied: i32,
+    /// True if the last product was the first in the memory of an operator that is not of ordinary size.
+    pub(super) is_refused: bool,
 }
 
 /// Until the size of the operator is known, vectors of norm `2^-NEAR` to `2^NEAR` are multiplied without scaling.
@@ -96,6 +98,33 @@ impl Tally {
         Ok(())
     }
 
+    /// Takes `w = A v` for a column `v`, about of norm `size`, of vectors in the memory of the operator, and counts it. Returns `Vᵀ w` and
+    /// `‖w‖`. Fails with [`Error::Device`], and refuses that memory, if the operator is not of ordinary size.
+    pub(super) fn product_within(
+        &mut self,
+        operator: &mut dyn Adjoint,
+        vectors: &mut dyn Vectors,
+        (column, size): (usize, f64),
+    ) -> Result<Sums> {
+        operator.apply_within(vectors, column)?;
+        let (dots, length) = vectors.dots_and_norm(0)?;
+        let is_known = self.operator_power.is_some();
+        if is_known && !length.is_finite() {
+            let product = self.products + 1;
+            let fault = format!("product {product} with the operator holds a NaN or an infinity");
+            return Err(Error::Numerical(fault));
+        }
+        self.count(length, operator.standard_error());
+        let is_ordinary = length.is_finite() && length > 0.0 && power(exponent(length) - exponent(size)) == 0;
+        if !is_known && !is_ordinary {
+            self.is_refused = true;
+            return Err(Error::device("the numbers of the operator are not of ordinary size"));
+        }
+        self.operator_power = Some(0);
+        self.multiplied = 0;
+        Ok((dots, length))
+    }
+
     /// Counts a product of this length and standard error.
     fn count(&mut self, length: f64, error: f64) {
         self.products += 1;
@@ -146,8 +175,6 @@ pub struct System {
     /// True if these vectors may not be in the memory of the operator. The memory has failed, or lacks what is needed, or the operator is
     /// not of ordinary size.
     pub(super) has_left: bool,
-    /// True if the last product was the first in the memory of an operator that is not of ordinary size.
-    pub(super) is_refused: bool,
 }
 
 /// `M⁻¹`, or the identity.
@@ -205,6 +232,7 @@ impl System {
                 noise: 0.0,
                 operator_power: None,
                 multiplied: 0,
+                is_refused: false,
             },
             rhs_power,
             is_divided: !pending,
@@ -212,7 +240,6 @@ impl System {
             inverse: Inverse(options.preconditioner.clone()),
             place: Place::Host(Vec::new()),
             has_left: false,
-            is_refused: false,
         })
     }
 
@@ -237,33 +264,6 @@ impl System {
             }
             _ => Self::new(cols, b, options),
         }
-    }
-
-    /// Takes `w = A v` for a column `v`, about of norm `size`, of vectors in the memory of the operator, and counts it. Returns `Vᵀ w` and
-    /// `‖w‖`. Fails with [`Error::Device`], and refuses that memory, if the operator is not of ordinary size.
-    pub(super) fn product_within(
-        &mut self,
-        operator: &mut dyn Adjoint,
-        vectors: &mut dyn Vectors,
-        (column, size): (usize, f64),
-    ) -> Result<Sums> {
-        operator.apply_within(vectors, column)?;
-        let (dots, length) = vectors.dots_and_norm(0)?;
-        let is_known = self.tally.operator_power.is_some();
-        if is_known && !length.is_finite() {
-            let product = self.tally.products + 1;
-            let fault = format!("product {product} with the operator holds a NaN or an infinity");
-            return Err(Error::Numerical(fault));
-        }
-        self.tally.count(length, operator.standard_error());
-        let is_ordinary = length.is_finite() && length > 0.0 && power(exponent(length) - exponent(size)) == 0;
-        if !is_known && !is_ordinary {
-            self.is_refused = true;
-            return Err(Error::device("the numbers of the operator are not of ordinary size"));
-        }
-        self.tally.operator_power = Some(0);
-        self.tally.multiplied = 0;
-        Ok((dots, length))
     }
 
     /// Scales the first iterate, once, by the ratio of the powers of two that divide the operator's products and `b`. If all products were
