@@ -120,13 +120,14 @@ pub trait Operator {
         Ok(None)
     }
 
-    /// `w ← A v`, or `w ← S A Sᵀ v`, for column `v` of vectors that [`Operator::vectors`] of this operator made.
+    /// `w ← A v`, or `w ← S A Sᵀ v`, for column `v` of vectors that [`Operator::vectors`] of this operator made. The direction says
+    /// whether the product is with `A` or with its transpose.
     ///
     /// # Errors
-    /// The errors of [`Operator::apply`]; [`Error::Numerical`] for vectors of another kind or size. The vectors of another operator of this
-    /// kind and size are not told apart.
-    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
-        let _ = (vectors, column);
+    /// The errors of [`Operator::apply`] or [`Adjoint::apply_adjoint`]; [`Error::Numerical`] for vectors of another kind or size. The
+    /// vectors of another operator of this kind and size are not told apart.
+    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize, direction: Direction) -> Result<()> {
+        let _ = (vectors, column, direction);
         Err(vectors::made_elsewhere())
     }
 
@@ -207,8 +208,9 @@ macro_rules! delegate {
             &mut self,
             vectors: &mut dyn $crate::operator::Vectors,
             column: usize,
+            direction: $crate::operator::Direction,
         ) -> $crate::error::Result<()> {
-            $crate::operator::inner!(self, $field).apply_within(vectors, column)
+            $crate::operator::inner!(self, $field).apply_within(vectors, column, direction)
         }
     };
     (@block_size $field:tt) => {

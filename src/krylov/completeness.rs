@@ -227,7 +227,7 @@ pub(super) trait Confirmable {
     /// Returns true if more steps would improve one of these pairs.
     fn is_open(&self, pairs: &[Self::Pair]) -> bool;
     /// Inserts the missed pairs in their order, and keeps only the requested number of pairs.
-    fn insert(&mut self, process: &Self::Process, missed: &[Self::Pair]) -> Result<()>;
+    fn insert(&mut self, process: &mut Self::Process, missed: &[Self::Pair]) -> Result<()>;
     /// The limits of [`Confirmed`] for this share `ε`.
     fn limits(&self, process: &Self::Process, share: f64) -> Result<[Option<f64>; 2]>;
 }
@@ -267,7 +267,7 @@ pub(super) fn confirm_by<S: Confirmable>(
             missed = search.beyond(&process)?;
         }
         let is_open = search.is_open(&missed);
-        search.insert(&process, &missed)?;
+        search.insert(&mut process, &missed)?;
         if is_open {
             return Ok((Completeness::NotExcluded, true));
         }

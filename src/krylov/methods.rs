@@ -90,8 +90,8 @@ methods! {
     Cg             "cg"               [false, true]  None        [6, 0]  [0, 1] |_, b, options| Cg::solver(b, options);
     Cgs            "cgs"              [false, false] None        [11, 0] [0, 2] |_, b, options| Cgs::solver(b, options);
     BiCgStab       "bicgstab"         [false, false] None        [9, 0]  [0, 2] |_, b, options| BiCgStab::solver(b, options);
-    Lsqr           "lsqr"             [true, false]  None        [9, 0]  [1, 2] Lsqr::solver;
-    Lsmr           "lsmr"             [true, false]  None        [10, 0] [1, 2] Lsmr::solver;
+    Lsqr           "lsqr"             [true, false]  None        [8, 0]  [1, 2] Lsqr::solver;
+    Lsmr           "lsmr"             [true, false]  None        [9, 0]  [1, 2] Lsmr::solver;
     Jacobi         "jacobi"           [false, false] Box         [7, 0]  [0, 1] |_, b, options| ProjectedJacobi::solver(b, options);
     Fista          "fista"            [true, false]  Box         [11, 0] [1, 2] Fista::solver;
     KrylovBox      "krylov-box"       [false, false] Box         [14, 2] [0, 1] |_, b, options| KrylovBox::solver(b, options);

@@ -7,7 +7,7 @@ use super::basis::norm;
 use super::eigen::{Eigs, HistoryRow};
 use super::singular::Singular;
 use crate::error::{Error, Result};
-use crate::operator::{Adjoint, Operator, Selection, Vectors, delegate};
+use crate::operator::{Adjoint, Direction, Operator, Selection, Vectors, delegate};
 
 /// Numbers from `2^-SAFE` to `2^SAFE` are of ordinary size: a product of ten of them is far from `2^±1022`, the limits of double precision.
 const SAFE: i32 = 96;
@@ -135,8 +135,8 @@ impl<O: Operator + ?Sized> Operator for Rescaled<'_, O> {
     }
 
     /// The columns have norm 1.
-    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
-        self.operator.apply_within(vectors, column)?;
+    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize, direction: Direction) -> Result<()> {
+        self.operator.apply_within(vectors, column, direction)?;
         if self.power.is_none() {
             let (_, length) = vectors.dots_and_norm(vectors.columns())?;
             self.learn(length, || 1.0);

@@ -147,14 +147,14 @@ impl Operator for LabOperator {
         lock(&self.transport).vectors((self.part, self.channel), columns, selection)
     }
 
-    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
+    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize, direction: Direction) -> Result<()> {
         let of = ((self.part, self.channel), self.is_confirming);
         let seen = self.sheet.is_some() && !self.is_confirming;
-        let product = lock(&self.transport).product_within(of, vectors, column, seen)?;
+        let product = lock(&self.transport).product_within(of, vectors, (column, direction), seen)?;
         self.errors.clear();
         self.photos += usize::from(!self.is_confirming);
         let Some(Product { from, to }) = product.filter(|_| seen) else { return Ok(()) };
-        if self.show(&from, &to, false)? { Ok(()) } else { Err(Error::Interrupted) }
+        if self.show(&from, &to, direction == Direction::Adjoint)? { Ok(()) } else { Err(Error::Interrupted) }
     }
 
     fn confirming(&mut self, on: bool) -> bool {

@@ -181,11 +181,11 @@ impl LightTransport {
         &mut self,
         ((part, channel), is_confirming): ((Part, usize), bool),
         vectors: &mut dyn Vectors,
-        column: usize,
+        (column, direction): (usize, Direction),
         seen: bool,
     ) -> Result<Option<Product>> {
         let Self { engine, journal, observer, .. } = self;
-        engine.with_operator(part, channel, |operator| operator.apply_within(vectors, column))?;
+        engine.with_operator(part, channel, |operator| operator.apply_within(vectors, column, direction))?;
         if !seen && journal.is_none() {
             return Ok(None);
         }
@@ -194,7 +194,7 @@ impl LightTransport {
             let of = (part, channel);
             let name = if is_confirming { confirming_name(of) } else { product_name(part, channel) };
             let known = journal.damages().len();
-            JournaledOperator::keep(journal, name, &product)?;
+            JournaledOperator::keep(journal, name, direction, &product)?;
             warn_of_new_damages(journal, known, observer);
         }
         Ok(Some(product))

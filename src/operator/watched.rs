@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 
-use super::{Adjoint, Operator, Selection, Vectors, delegate};
+use super::{Adjoint, Direction, Operator, Selection, Vectors, delegate};
 use crate::error::Result;
 use crate::observer::{Level, Observer, PhotoTaken, Step};
 
@@ -181,8 +181,8 @@ impl<O: Operator + ?Sized> Operator for Recorded<'_, O> {
         self.operator.vectors(columns, selection)
     }
 
-    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
-        self.operator.apply_within(vectors, column)?;
+    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize, direction: Direction) -> Result<()> {
+        self.operator.apply_within(vectors, column, direction)?;
         if self.keeps_products {
             self.products.push(vectors.product()?);
         }

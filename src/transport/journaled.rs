@@ -48,16 +48,22 @@ impl<'a> JournaledOperator<'a> {
         Self { journal, inner: None, name: name.into(), shape: ([rows, cols], symmetry) }
     }
 
-    /// Appends a product `y = A x` of the operator of this name, unless the journal has it. Fails with [`Error::Journal`].
-    pub fn keep(journal: &'a mut Journal, name: impl Into<String>, product: &Product) -> Result<()> {
+    /// Appends a product of the operator of this name, unless the journal has it. Fails with [`Error::Journal`].
+    pub fn keep(
+        journal: &'a mut Journal,
+        name: impl Into<String>,
+        direction: Direction,
+        product: &Product,
+    ) -> Result<()> {
+        // Products do not depend on the shape.
         let shape = [product.to.len(), product.from.len()];
         let mut operator = Self::replay(journal, name, shape, Symmetry::General);
-        let keys = operator.keys(Direction::Forward, &product.from);
+        let keys = operator.keys(direction, &product.from);
         // A record that is damaged counts as not written, which only reading it shows.
         if operator.journal.get(keys.product)?.is_some() {
             return Ok(());
         }
-        operator.append(Direction::Forward, &keys, &product.from, &product.to)
+        operator.append(direction, &keys, &product.from, &product.to)
     }
 
     /// The undamaged products `y = A x` that were journaled under this name, in the order of computation.

@@ -341,10 +341,13 @@ impl Operator for MatrixOperator<'_> {
         Ok(device.vectors(columns, selection)?.map(|vectors| Box::new(vectors) as Box<dyn Vectors>))
     }
 
-    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
+    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize, direction: Direction) -> Result<()> {
         let vectors = (vectors as &mut dyn std::any::Any).downcast_mut::<DeviceVectors>();
         match self.device.zip(vectors) {
-            Some((device, vectors)) => device.multiply_within((self.part, self.channel), vectors, column),
+            Some((device, vectors)) => {
+                let product = Product { part: self.part, channel: self.channel, direction };
+                device.multiply_within(product, vectors, column)
+            }
             None => Err(made_elsewhere()),
         }
     }

@@ -4,7 +4,7 @@ use super::graph::Graph;
 use super::options::Cut;
 use crate::error::Result;
 use crate::operator::vectors::made_elsewhere;
-use crate::operator::{Operator, Selection, Vectors, between, delegate};
+use crate::operator::{Direction, Operator, Selection, Vectors, between, delegate};
 
 /// The matrix (`m × m`) of a cut on the nodes of a [`Graph`], with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`.
 ///
@@ -101,11 +101,11 @@ impl Operator for CutMatrix<'_> {
         self.global.vectors(columns, Some(nodes))
     }
 
-    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize) -> Result<()> {
+    fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize, direction: Direction) -> Result<()> {
         if !self.is_scaled_light() || vectors.rows() != self.rows() {
             return Err(made_elsewhere());
         }
-        self.global.apply_within(vectors, column)
+        self.global.apply_within(vectors, column, direction)
     }
 
     /// The standard errors of the photos, scaled like the products. The scaling assumes that all pixels have the same noise.

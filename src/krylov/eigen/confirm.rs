@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::krylov::completeness::{
     Completeness, Confirm, Confirmable, Confirmed, MOST, Status, confirm_by, confirming_step, slack,
 };
-use crate::krylov::factor::{Factorization, PairStatus, RitzPair, Which, temple_kato};
+use crate::krylov::factor::{Factorization, PairStatus, Placed, RitzPair, Which, temple_kato};
 use crate::krylov::start::{seed_of, seeded};
 use crate::operator::{Operator, Symmetry};
 
@@ -86,14 +86,14 @@ impl Confirmation<'_> {
         }
     }
 
-    fn slack(&self, process: &Factorization, operator: f64) -> f64 {
+    fn slack(&self, process: &Placed, operator: f64) -> f64 {
         let (size, error) = ((process.steps(), process.n()), self.error(Some(process)));
         slack((self.options.tolerance, self.scale), size, &self.found.residuals, error, operator)
     }
 }
 
 impl Confirmable for Confirmation<'_> {
-    type Process = Factorization;
+    type Process = Placed;
     type Pair = RitzPair;
 
     fn free(&self) -> usize {
@@ -104,29 +104,28 @@ impl Confirmable for Confirmation<'_> {
         self.most.saturating_sub(self.products)
     }
 
-    fn begin(&self, round: u64, steps: usize) -> Result<Factorization> {
+    fn begin(&self, round: u64, steps: usize) -> Result<Placed> {
         let seed = seed_of(self.options.start.seed(), round);
-        let mut process = Factorization::lanczos(&seeded(self.operator.cols(), !seed), &self.known())?;
-        process.reserve(steps);
-        Ok(process)
+        let process = Factorization::lanczos(&seeded(self.operator.cols(), !seed), &self.known())?;
+        Placed::new(process, self.operator, steps)
     }
 
-    fn step(&mut self, process: &mut Factorization, total: usize) -> Result<()> {
+    fn step(&mut self, process: &mut Placed, total: usize) -> Result<()> {
         process.expand(&mut *self.operator)?;
         self.products += 1;
         self.scale = self.scale.max(process.scale());
         confirming_step(self.operator.observer(), process.steps(), total)
     }
 
-    fn progress(process: &Factorization) -> (usize, bool) {
+    fn progress(process: &Placed) -> (usize, bool) {
         (process.steps(), process.is_exhausted())
     }
 
-    fn error(&self, process: Option<&Factorization>) -> f64 {
-        self.noise.max(process.map_or(0.0, Factorization::largest_error))
+    fn error(&self, process: Option<&Placed>) -> f64 {
+        self.noise.max(process.map_or(0.0, |process| process.largest_error()))
     }
 
-    fn beyond(&self, process: &Factorization) -> Result<Vec<RitzPair>> {
+    fn beyond(&self, process: &Placed) -> Result<Vec<RitzPair>> {
         let slack = self.slack(process, 0.0);
         let [low, high] = self.ends();
         let mut beyond = Vec::new();
@@ -145,7 +144,7 @@ impl Confirmable for Confirmation<'_> {
         pairs.iter().any(|pair| pair.status(wanted, self.options.noise) == PairStatus::NotResolved)
     }
 
-    fn limits(&self, process: &Factorization, share: f64) -> Result<[Option<f64>; 2]> {
+    fn limits(&self, process: &Placed, share: f64) -> Result<[Option<f64>; 2]> {
         let outermost =
             |which| -> Result<Option<f64>> { Ok(process.ritz(which, 1)?.first().map(|pair| pair.value)) };
         let (top, bottom) = (outermost(Which::LargestAlgebraic)?, outermost(Which::SmallestAlgebraic)?);
@@ -156,11 +155,12 @@ impl Confirmable for Confirmation<'_> {
         Ok([low.map(|low| low - margin), high.map(|high| high + margin)])
     }
 
-    fn insert(&mut self, process: &Factorization, missed: &[RitzPair]) -> Result<()> {
+    fn insert(&mut self, process: &mut Placed, missed: &[RitzPair]) -> Result<()> {
         if missed.is_empty() {
             return Ok(());
         }
-        let vectors: Vec<Vec<f64>> = missed.iter().map(|pair| process.ritz_vector(pair)).collect();
+        let vectors: Vec<Vec<f64>> =
+            missed.iter().map(|pair| process.ritz_vector(pair)).collect::<Result<_>>()?;
         let common =
             vectors.iter().map(|vector| self.operator.common_error(vector)).collect::<Result<_>>()?;
         let imaginary = vec![Vec::new(); missed.len()];
@@ -228,7 +228,8 @@ pub fn largest_beside(
     if free == 0 || steps == 0 || (steps < free && share > MOST) {
         return Ok(None);
     }
-    let mut process = Factorization::lanczos(&seeded(n, !seed), known)?;
+    let process = Factorization::lanczos(&seeded(n, !seed), known)?;
+    let mut process = Placed::new(process, operator, steps)?;
     while process.steps() < steps {
         process.expand(operator)?;
         confirming_step(operator.observer(), process.steps(), steps)?;
@@ -247,7 +248,7 @@ pub fn largest_beside(
     };
     let limits = [None, Some(value + margin)];
     let completeness = Completeness::Confirmed(Confirmed { limits, share, chance });
-    let vector = process.ritz_vector(&top);
+    let vector = process.ritz_vector(&top)?;
     Ok(Some(Beside { value, vector, completeness, products: process.products() }))
 }
 

@@ -2,11 +2,12 @@
 
 use std::borrow::Cow;
 use std::collections::VecDeque;
+use std::ops::Deref;
 
-use super::{Factorization, Step};
+use super::{Factorization, RitzPair, Step, point_upwards};
 use crate::error::{Error, Result};
 use crate::krylov::basis::{Basis, Removed, orthogonalized};
-use crate::operator::{Operator, Settling, Sums, Vectors};
+use crate::operator::{Direction, Operator, Settling, Sums, Vectors};
 
 /// Vectors in the host's memory.
 #[derive(Clone, Debug, Default)]
@@ -81,6 +82,8 @@ pub(in crate::krylov) const MOST: usize = 256;
 /// The vectors of a factorization while they are in the memory of an operator.
 pub(in crate::krylov) struct Resident {
     vectors: Box<dyn Vectors>,
+    /// The largest number of columns.
+    room: usize,
     /// The factorization when its vectors were uploaded, without vectors.
     before: Factorization,
     /// Whether an error has left the vectors, or the factorization, in the middle of a step.
@@ -105,7 +108,7 @@ impl Factorization {
             vectors.load(column)?;
             vectors.push(1.0)?;
         }
-        Ok(Some(Resident { vectors, before: self.without_vectors(), is_broken: false }))
+        Ok(Some(Resident { vectors, room: columns, before: self.without_vectors(), is_broken: false }))
     }
 
     /// Takes one step as [`Factorization::expand`], with the vectors in the memory of the operator.
@@ -119,7 +122,7 @@ impl Factorization {
             return Ok(Step::Exhausted);
         }
         let (products, column) = (self.products, self.known + self.steps());
-        let taken = operator.apply_within(&mut *resident.vectors, column);
+        let taken = operator.apply_within(&mut *resident.vectors, column, Direction::Forward);
         resident.is_broken = matches!(taken, Err(Error::Device { .. }));
         taken?;
         let step = self.extend(&mut *resident.vectors, operator.standard_error());
@@ -173,5 +176,59 @@ impl Factorization {
             ready: VecDeque::new(),
             filter: self.filter.clone(),
         }
+    }
+}
+
+/// A factorization whose vectors are in the memory of the operator, as long as there is room.
+pub(in crate::krylov) struct Placed {
+    factorization: Factorization,
+    resident: Option<Resident>,
+}
+
+impl Deref for Placed {
+    type Target = Factorization;
+
+    fn deref(&self) -> &Factorization {
+        &self.factorization
+    }
+}
+
+impl Placed {
+    /// Makes room for a subspace of `steps` dimensions. Fails as [`Factorization::upload`].
+    pub(in crate::krylov) fn new(
+        mut factorization: Factorization,
+        operator: &dyn Operator,
+        steps: usize,
+    ) -> Result<Self> {
+        factorization.reserve(steps);
+        let resident = factorization.upload(operator, steps)?;
+        Ok(Self { factorization, resident })
+    }
+
+    /// Takes one step as [`Factorization::expand`]. After an error of the memory of the operator, the factorization is as it was at first.
+    pub(in crate::krylov) fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step> {
+        let total = self.factorization.total();
+        if let Some(resident) = self.resident.take_if(|resident| resident.room <= total) {
+            self.factorization.download(resident)?;
+        }
+        let Some(resident) = &mut self.resident else { return self.factorization.expand(operator) };
+        let step = self.factorization.expand_resident(resident, operator);
+        if let Some(resident) = self.resident.take_if(|resident| resident.is_broken) {
+            self.factorization.download(resident)?;
+        }
+        step
+    }
+
+    /// [`Factorization::ritz_vector`] for a real pair. Fails with the error of the memory of the operator.
+    pub(in crate::krylov) fn ritz_vector(&mut self, pair: &RitzPair) -> Result<Vec<f64>> {
+        let Some(Resident { vectors, .. }) = &mut self.resident else {
+            return Ok(self.factorization.ritz_vector(pair));
+        };
+        vectors.load(&vec![0.0; self.factorization.n()])?;
+        let of_known = std::iter::repeat_n(0.0, self.factorization.known);
+        vectors.remove(&of_known.chain(pair.coefficients.iter().map(|s| -s)).collect::<Vec<f64>>())?;
+        let mut vector = vectors.work()?.into_owned();
+        point_upwards(&mut vector);
+        Ok(vector)
     }
 }

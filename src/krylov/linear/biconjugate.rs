@@ -43,7 +43,7 @@ impl Shadowed {
     /// Begins a step of a method with this number of vectors. Returns true if the step is already complete, because its product gave the
     /// residual of the first iterate.
     fn begin(&mut self, system: &mut System, operator: &mut dyn Adjoint, own: usize) -> Result<bool> {
-        if system.begin(operator, own)? {
+        if system.begin(operator, [0, own])? {
             return Ok(true);
         }
         if self.phase == Phase::Start {

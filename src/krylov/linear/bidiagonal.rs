@@ -1,28 +1,34 @@
 //! LSQR and LSMR: least squares by Golub–Kahan bidiagonalization, one product per step.
 
+use super::place::At;
 use super::symmetric::LEAST_SQUARES;
 use super::system::{System, rotation};
 use super::{Advance, Recurrence, SolveOptions, Solver, ended};
 use crate::error::Result;
-use crate::krylov::basis::{axpy, norm, update};
 use crate::krylov::completeness::Status;
 use crate::operator::Adjoint;
+
+/// The left vector `u`.
+const U: At = At::Own(0);
+/// The right vector `v`.
+const V: At = At::Own(1);
+/// The first direction of a method.
+const H: At = At::Own(2);
+/// The second direction of LSMR.
+const H_BAR: At = At::Own(3);
 
 /// The factorization `C V = U B`, `Cᵀ U = V Bᵀ + α v eᵀ` for `C = A M⁻¹`. `B` is lower bidiagonal, with `α_k` on its diagonal and `β_{k+1}`
 /// below the diagonal. The process starts from the residual of the system.
 ///
 /// References: Golub and Kahan (1965), doi:10.1137/0702016.
 struct Bidiagonal {
-    u: Vec<f64>,
-    v: Vec<f64>,
-    /// `M⁻¹ v`; empty without a preconditioner.
-    hat: Vec<f64>,
+    /// The number of vectors of the method of length `cols`, and after them the place of `M⁻¹ v`.
+    own: usize,
     alpha: f64,
     beta: f64,
     /// `‖B‖_F` so far: a lower bound of `‖C‖_F`.
     scale: f64,
     next: Next,
-    work: Vec<f64>,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -46,74 +52,58 @@ enum Half {
 }
 
 impl Bidiagonal {
-    fn new(cols: usize, rows: usize, options: &SolveOptions) -> Self {
-        Self {
-            u: vec![0.0; rows],
-            v: vec![0.0; cols],
-            hat: vec![0.0; if options.preconditioner.is_some() { cols } else { 0 }],
-            alpha: 0.0,
-            beta: 0.0,
-            scale: 0.0,
-            next: Next::Start,
-            work: vec![0.0; cols],
-        }
+    /// Makes the process before its first step, for a method with this number of directions.
+    fn new(directions: usize) -> Self {
+        Self { own: 1 + directions, alpha: 0.0, beta: 0.0, scale: 0.0, next: Next::Start }
     }
 
     /// `M⁻¹ v`, of length `cols`: the direction in which the iterate moves.
-    fn direction(&self) -> &[f64] {
-        if self.hat.is_empty() { &self.v } else { &self.hat }
+    fn direction(&self, system: &System) -> At {
+        if system.inverse.is_identity() { V } else { At::Own(1 + self.own) }
     }
 
     /// Takes one product. If a vector vanishes (to rounding), it is set to zero, together with its `α` or `β`.
     fn advance(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Half> {
-        if system.open(operator)? {
+        let direction = self.direction(system);
+        let own = if direction == V { self.own } else { self.own + 1 };
+        if system.begin(operator, [1, own])? {
             return Ok(Half::Residual);
         }
         if self.next == Next::Start {
-            let length = norm(&system.r);
-            self.beta = length;
-            if length > 0.0 {
-                update(&mut self.u, &system.r, |_, r| r / length);
+            self.beta = system.length(At::R)?;
+            if self.beta > 0.0 {
+                system.combine(U, &[(1.0, At::R)], self.beta)?;
             }
             self.next = Next::Adjoint;
         }
         if self.next == Next::Forward {
-            system.tally.product(operator, self.direction(), &mut system.work)?;
-            let alpha = self.alpha;
-            update(&mut self.u, &system.work, |u, av| av - alpha * u);
-            self.beta = normalize(&mut self.u, alpha, &mut self.scale);
+            system.multiply(operator, (direction, 1.0), [])?;
+            system.combine(At::Work, &[(1.0, At::Work), (-self.alpha, U)], 1.0)?;
+            self.beta = self.normalize(system, U, self.alpha)?;
             self.next = Next::Adjoint;
             return Ok(Half::Forward);
         }
-        system.tally.adjoint(operator, &self.u, &mut self.work)?;
-        if !self.hat.is_empty() {
-            system.inverse.apply(&self.work, &mut self.hat)?;
-            self.work.copy_from_slice(&self.hat);
-        }
+        system.multiply_adjoint(operator, (U, 1.0), [])?;
         let half = if self.alpha == 0.0 { Half::First } else { Half::Adjoint };
         // Before the first product, both α and v are 0.
         let beta = if half == Half::First { 0.0 } else { self.beta };
-        update(&mut self.v, &self.work, |v, atu| atu - beta * v);
-        self.alpha = normalize(&mut self.v, beta, &mut self.scale);
-        if !self.hat.is_empty() {
-            system.inverse.apply(&self.v, &mut self.hat)?;
-        }
+        let image = system.preconditioned(At::Work, direction)?;
+        system.combine(At::Work, &[(1.0, image), (-beta, V)], 1.0)?;
+        self.alpha = self.normalize(system, V, beta)?;
+        system.preconditioned(V, direction)?;
         self.next = Next::Forward;
         Ok(half)
     }
-}
 
-fn normalize(w: &mut [f64], other: f64, scale: &mut f64) -> f64 {
-    let length = norm(w);
-    *scale = scale.hypot(length);
-    if length <= 10.0 * f64::EPSILON * other.abs().max(*scale) {
-        w.fill(0.0);
-        return 0.0;
+    /// `to ← w/‖w‖`, or 0 if `w` vanishes. Returns the norm.
+    fn normalize(&mut self, system: &mut System, to: At, other: f64) -> Result<f64> {
+        let length = system.dots([])?.norm;
+        self.scale = self.scale.hypot(length);
+        let vanishes = length <= 10.0 * f64::EPSILON * other.abs().max(self.scale);
+        let (share, length, divisor) = if vanishes { (0.0, 0.0, 1.0) } else { (1.0, length, length) };
+        system.combine(to, &[(share, At::Work)], divisor)?;
+        Ok(length)
     }
-    for value in w {
-        *value /= length;
-    }
-    length
 }
 
 /// LSQR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`. Among several solutions, it finds the nearest to the first iterate.
@@ -123,13 +113,12 @@ fn normalize(w: &mut [f64], other: f64, scale: &mut f64) -> f64 {
 ///
 /// LSQR is mathematically equal to conjugate gradients on the normal equations, but more stable. `‖r‖` falls monotonically. LSQR first
 /// takes one product with `Aᵀ`, and then two products per iteration, `A v` and `Aᵀ u`. The iterate changes after the product `A v`. LSQR
-/// ends where `‖Aᵀ r‖` vanishes (a least-squares solution). It stores `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`,
-/// a direction and a product of length `cols`; with a preconditioner also `M⁻¹ v`.
+/// ends where `‖Aᵀ r‖` vanishes (a least-squares solution). It stores `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`
+/// and a direction of length `cols`; with a preconditioner also `M⁻¹ v`.
 ///
 /// References: Paige and Saunders (1982), doi:10.1145/355984.355989.
 pub struct Lsqr {
     process: Bidiagonal,
-    w: Vec<f64>,
     /// `φ̄`, the residual norm with its sign, and `ρ̄`.
     phi: f64,
     rho: f64,
@@ -143,15 +132,13 @@ impl Lsqr {
     /// options. Fails with the errors of [`Cg::solver`](crate::krylov::linear::Cg::solver).
     pub fn solver(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let system = System::split("LSQR", true, cols, b, options)?;
-        let recurrence = Self {
-            process: Bidiagonal::new(cols, b.len(), options),
-            w: vec![0.0; cols],
-            phi: 0.0,
-            rho: 0.0,
-            ratio: 0.0,
-            cosine: 0.0,
-        };
-        Ok(Solver::new(system, recurrence))
+        Ok(Solver::new(system, Self::default()))
+    }
+}
+
+impl Default for Lsqr {
+    fn default() -> Self {
+        Self { process: Bidiagonal::new(1), phi: 0.0, rho: 0.0, ratio: 0.0, cosine: 0.0 }
     }
 }
 
@@ -159,6 +146,7 @@ impl Recurrence for Lsqr {
     fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
         let half = self.process.advance(system, operator)?;
         let (alpha, beta) = (self.process.alpha, self.process.beta);
+        let direction = self.process.direction(system);
         match half {
             Half::Residual => return Ok(Advance::Continuing),
             Half::Forward => {
@@ -166,21 +154,22 @@ impl Recurrence for Lsqr {
                 if rho == 0.0 {
                     return ended(Status::LeastSquares);
                 }
-                axpy(c * self.phi / rho, &self.w, &mut system.x);
+                let moved = c * self.phi / rho;
                 self.phi *= s;
                 self.cosine = c;
                 self.ratio = s / rho;
                 // r_k = s² r_{k−1} − φ̄ c u_{k+1}, with the new φ̄.
-                let along = -c * self.phi;
-                update(&mut system.r, &self.process.u, |r, u| s * s * r + along * u);
-                system.note_residual();
+                system.combine(At::Work, &[(s * s, At::R), (-c * self.phi, U)], 1.0)?;
+                let residual = system.dots([])?.norm;
+                system.keep(At::R)?;
+                system.accept((moved, H), residual)?;
                 let done = self.phi.abs() <= f64::EPSILON * system.tally.rhs_norm;
                 return Ok(if done { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing });
             }
             Half::First => {
                 self.phi = beta;
                 self.rho = alpha;
-                self.w.copy_from_slice(self.process.direction());
+                system.combine(H, &[(1.0, direction)], 1.0)?;
             }
             Half::Adjoint => {
                 // ‖Cᵀ r‖ = φ̄ α c
@@ -188,11 +177,17 @@ impl Recurrence for Lsqr {
                     return ended(Status::LeastSquares);
                 }
                 let ratio = self.ratio * alpha;
-                update(&mut self.w, self.process.direction(), |w, v| v - ratio * w);
+                system.combine(H, &[(1.0, direction), (-ratio, H)], 1.0)?;
                 self.rho = -self.cosine * alpha;
             }
         }
         Ok(if alpha == 0.0 { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
+    }
+
+    fn leave(&mut self, system: &mut System) {
+        if system.leave() {
+            *self = Self::default();
+        }
     }
 }
 
@@ -204,13 +199,11 @@ impl Recurrence for Lsqr {
 /// LSMR is mathematically equal to MINRES on the normal equations. Both `‖Aᵀ r‖` and `‖r‖` fall monotonically. LSMR first takes one product
 /// with `Aᵀ`, and then two products per iteration, `A v` and `Aᵀ u`. The iterate changes after the product `Aᵀ u`. LSMR ends where `‖Aᵀ r‖`
 /// vanishes, at the least-squares solution nearest to the first iterate. It stores `b`, `r`, `u` and a product of length `rows`; `x`, the
-/// best `x`, `v`, two directions and a product of length `cols`; with a preconditioner also `M⁻¹ v`.
+/// best `x`, `v` and two directions of length `cols`; with a preconditioner also `M⁻¹ v`.
 ///
 /// References: Fong and Saunders (2011), doi:10.1137/10079687X. The variables here have the names used in that paper.
 pub struct Lsmr {
     process: Bidiagonal,
-    h: Vec<f64>,
-    h_bar: Vec<f64>,
     alpha_bar: f64,
     zeta_bar: f64,
     zeta: f64,
@@ -253,10 +246,14 @@ impl Lsmr {
     /// options. Fails with the errors of [`Cg::solver`](crate::krylov::linear::Cg::solver).
     pub fn solver(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let system = System::split("LSMR", true, cols, b, options)?;
-        let recurrence = Self {
-            process: Bidiagonal::new(cols, b.len(), options),
-            h: vec![0.0; cols],
-            h_bar: vec![0.0; cols],
+        Ok(Solver::new(system, Self::default()))
+    }
+}
+
+impl Default for Lsmr {
+    fn default() -> Self {
+        Self {
+            process: Bidiagonal::new(2),
             alpha_bar: 0.0,
             zeta_bar: 0.0,
             zeta: 0.0,
@@ -265,8 +262,7 @@ impl Lsmr {
             c_bar: 1.0,
             s_bar: 0.0,
             norm: ResidualNorm { beta_dd: 0.0, beta_d: 0.0, rho_d: 1.0, tau: 0.0, theta: 0.0 },
-        };
-        Ok(Solver::new(system, recurrence))
+        }
     }
 }
 
@@ -274,10 +270,11 @@ impl Recurrence for Lsmr {
     fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
         let half = self.process.advance(system, operator)?;
         let (alpha, beta) = (self.process.alpha, self.process.beta);
+        let direction = self.process.direction(system);
         match half {
             Half::Residual | Half::Forward => return Ok(Advance::Continuing),
             Half::First => {
-                self.h.copy_from_slice(self.process.direction());
+                system.combine(H, &[(1.0, direction)], 1.0)?;
                 self.alpha_bar = alpha;
                 self.zeta_bar = alpha * beta;
                 self.norm.beta_dd = beta;
@@ -297,15 +294,19 @@ impl Recurrence for Lsmr {
         let zeta = c_bar * self.zeta_bar;
         self.zeta_bar *= -s_bar;
         let back = theta_bar * rho / (rho_old * rho_bar_old);
-        update(&mut self.h_bar, &self.h, |bar, h| h - back * bar);
-        axpy(zeta / (rho * rho_bar), &self.h_bar, &mut system.x);
-        let ratio = theta_next / rho;
-        update(&mut self.h, self.process.direction(), |h, v| v - ratio * h);
+        system.combine(H_BAR, &[(1.0, H), (-back, H_BAR)], 1.0)?;
         (self.rho, self.rho_bar, self.zeta, self.c_bar, self.s_bar) = (rho, rho_bar, zeta, c_bar, s_bar);
         let residual = self.norm.advance((c, s), theta_bar, rho_bar, (zeta_old, zeta));
-        system.note(residual);
+        system.accept((zeta / (rho * rho_bar), H_BAR), residual)?;
+        system.combine(H, &[(1.0, direction), (-theta_next / rho, H)], 1.0)?;
         // |ζ̄| = ‖Cᵀ r‖
         let done = self.zeta_bar.abs() <= LEAST_SQUARES * self.process.scale * residual || alpha == 0.0;
         Ok(if done { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
+    }
+
+    fn leave(&mut self, system: &mut System) {
+        if system.leave() {
+            *self = Self::default();
+        }
     }
 }

@@ -1,9 +1,7 @@
 //! A cycle of GMRES: a basis, and the factors of its Hessenberg matrix.
 
 use super::system::rotation;
-use crate::error::Result;
 use crate::krylov::basis::{Basis, norm};
-use crate::operator::Vectors;
 
 /// A cycle that starts from a residual `r_0`. It has an orthonormal basis `V`, and factors `H = Qᵀ R` by Givens rotations.
 pub(super) struct Cycle {
@@ -38,22 +36,18 @@ impl Cycle {
         cycle
     }
 
-    /// Starts from `r`, whose norm is `length`. The memory is reused. Fails as the memory of `resident` vectors.
-    pub(super) fn start(&mut self, r: &[f64], length: f64, resident: Option<&mut dyn Vectors>) -> Result<()> {
+    /// Starts from `r`, whose norm is `length`. The memory is reused.
+    pub(super) fn start(&mut self, r: &[f64], length: f64, is_resident: bool) {
         self.clear();
         self.rotated.push(length);
         if length == 0.0 {
-            return Ok(());
+            return;
         }
         self.width = 1;
-        let Some(vectors) = resident else {
+        if !is_resident {
             self.basis.reserve(self.steps + 1);
             self.basis.push_scaled(r, length);
-            return Ok(());
-        };
-        vectors.clear();
-        vectors.load(r)?;
-        vectors.push(length)
+        }
     }
 
     fn clear(&mut self) {

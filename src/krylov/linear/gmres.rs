@@ -9,7 +9,8 @@ use crate::error::Result;
 use crate::krylov::basis::{Removed, axpy, norm, orthogonalize, orthogonalized};
 use crate::krylov::completeness::Status;
 use crate::krylov::factor::MOST;
-use crate::operator::{Adjoint, Vectors};
+use crate::operator::vectors::can_combine;
+use crate::operator::{Adjoint, Direction, Sums, Vectors};
 
 /// GMRES(m): solves `min ‖b − A x‖₂` over the Krylov space, for any square `A` of `n × n`.
 ///
@@ -31,16 +32,23 @@ pub struct Gmres {
     is_hatted: bool,
     restart: usize,
     cycle: Cycle,
-    /// The columns that [`Cycle::basis`] would hold, in the memory of the operator. The mutex is for [`Recurrence::iterate`], which needs
+    /// The columns that [`Cycle::basis`] would hold, in the memory of the operator, after `before` other columns. The mutex is for [`Recurrence::iterate`], which needs
     /// the vector `w` of a solver that it does not change.
     resident: Option<Mutex<Box<dyn Vectors>>>,
-    /// Whether the basis may be in the memory of the operator. Preconditioners work on the host.
+    /// 2 for a diagonal preconditioner, whose [`INVERSE`] and [`HAT`] are before the basis, else 0.
+    before: usize,
+    /// Whether the basis may be in the memory of the operator. Other preconditioners work on the host.
     may_reside: bool,
     hat: Vec<f64>,
     /// The largest `‖A M⁻¹ v‖` so far.
     scale: f64,
     started: bool,
 }
+
+/// The column of the preconditioner's `M⁻¹`.
+const INVERSE: usize = 0;
+/// The column of `M⁻¹ v`, for the last vector `v` of the basis.
+const HAT: usize = 1;
 
 const SINGULAR: Status =
     Status::Breakdown("the Krylov space is used up and holds no solution: the operator is singular");
@@ -70,6 +78,8 @@ impl Gmres {
         let steps = options.products.min(restart).min(n);
         let kept = if flexible || side == Side::Left { steps } else { 0 };
         let is_hatted = !flexible && side == Side::Right && options.preconditioner.is_some();
+        let is_diagonal = is_hatted && system.inverse.diagonal().is_some();
+        let before = if is_diagonal { 2 } else { 0 };
         let recurrence = Self {
             side,
             flexible,
@@ -77,7 +87,8 @@ impl Gmres {
             restart,
             cycle: Cycle::new(n, steps, kept),
             resident: None,
-            may_reside: options.preconditioner.is_none() && steps < MOST,
+            before,
+            may_reside: (is_diagonal || options.preconditioner.is_none()) && before + steps < MOST,
             hat: vec![0.0; n],
             scale: 0.0,
             started: false,
@@ -94,11 +105,26 @@ impl Gmres {
         let length = norm(&self.hat);
         let is_ordinary = system.tally.operator_power.unwrap_or(0) == 0;
         if self.may_reside && is_ordinary && self.resident.is_none() {
-            self.resident = operator.vectors(self.cycle.steps + 1, None)?.map(Mutex::new);
+            let mut vectors = operator.vectors(self.before + self.cycle.steps + 1, None)?;
+            if let Some(made) = vectors.as_deref_mut().filter(|_| self.before > 0)
+                && !can_combine(made, HAT)?
+            {
+                vectors = None;
+            }
+            self.resident = vectors.map(Mutex::new);
             self.may_reside = self.resident.is_some();
         }
-        let resident = self.resident.as_mut().map(|vectors| &mut **own(vectors));
-        self.cycle.start(&self.hat, length, resident)?;
+        self.cycle.start(&self.hat, length, self.resident.is_some());
+        if let Some(resident) = self.resident.as_mut().filter(|_| length > 0.0) {
+            let vectors = &mut **own(resident);
+            vectors.clear();
+            if let Some(diagonal) = system.inverse.diagonal() {
+                vectors.load(&diagonal.iter().map(|d| d.recip()).collect::<Vec<f64>>())?;
+                (0..self.before).try_for_each(|_| vectors.push(1.0))?;
+            }
+            vectors.load(&self.hat)?;
+            push(vectors, length, self.before > 0)?;
+        }
         self.started = length > 0.0;
         Ok(self.started)
     }
@@ -121,9 +147,14 @@ impl Gmres {
         };
         let mut vectors = resident.lock().unwrap_or_else(PoisonError::into_inner);
         vectors.load(sum)?;
-        vectors.remove(&y.iter().map(|y| -y).collect::<Vec<f64>>())?;
+        vectors.remove(&self.padded(y.iter().map(|y| -y)))?;
         sum.copy_from_slice(&vectors.work()?);
         Ok(())
+    }
+
+    /// Coefficients of all columns in the memory of the operator, for those of the basis.
+    fn padded(&self, of_basis: impl Iterator<Item = f64>) -> Vec<f64> {
+        std::iter::repeat_n(0.0, self.before).chain(of_basis).collect()
     }
 
     /// Adds the correction of `x` to `sum`, before the preconditioner.
@@ -145,14 +176,15 @@ impl Gmres {
         let added = self.add_correction(&mut correction);
         self.hat = correction;
         added?;
+        if self.resident.is_some() {
+            // After an error, `r` is as before.
+            self.residual(&mut system.work)?;
+            std::mem::swap(&mut system.r, &mut system.work);
+        }
         if self.is_hatted {
             system.inverse.apply(&self.hat, &mut system.work)?;
         }
-        if self.resident.is_some() {
-            // After an error, `r` is as before. The work vector is free, because there is no preconditioner.
-            self.residual(&mut system.work)?;
-            std::mem::swap(&mut system.r, &mut system.work);
-        } else {
+        if self.resident.is_none() {
             self.residual(&mut system.r)?;
         }
         axpy(1.0, if self.is_hatted { &system.work } else { &self.hat }, &mut system.x);
@@ -166,7 +198,7 @@ impl Gmres {
         let vectors = own(vectors);
         self.cycle.basis.clear();
         for index in 0..self.cycle.width {
-            self.cycle.basis.push_scaled(&vectors.column(index)?, 1.0);
+            self.cycle.basis.push_scaled(&vectors.column(self.before + index)?, 1.0);
         }
         self.resident = None;
         self.may_reside = false;
@@ -180,15 +212,20 @@ impl Gmres {
         operator: &mut dyn Adjoint,
         vectors: &mut dyn Vectors,
     ) -> Result<Advance> {
-        let start = system.tally.product_within(operator, vectors, (self.cycle.width - 1, 1.0))?;
-        let length = start.1;
-        let removed = orthogonalized(start, |h| vectors.remove_and_dot(h))?;
+        let before = self.before;
+        let of_basis = |(mut dots, length): Sums| (dots.split_off(before), length);
+        let column = if before > 0 { HAT } else { self.cycle.width - 1 };
+        let product = system.tally.product_within(operator, vectors, (column, Direction::Forward, 1.0))?;
+        let length = product.1;
+        let removed = orthogonalized(of_basis(product), |h| {
+            vectors.remove_and_dot(&self.padded(h.iter().copied())).map(of_basis)
+        })?;
         let left = removed.norm;
         let Some((residual, is_invariant)) = self.grow(length, removed) else {
             return ended(SINGULAR);
         };
         if !is_invariant {
-            vectors.push(left).inspect_err(|_| self.cycle.undo())?;
+            push(vectors, left, before > 0).inspect_err(|_| self.cycle.undo())?;
             self.cycle.width += 1;
         }
         Ok(settled(system, residual, is_invariant))
@@ -211,6 +248,17 @@ impl Gmres {
         }
         Some((left, is_invariant))
     }
+}
+
+/// Adds `w/divisor` to the basis, and also makes its `HAT`. Overwrites `w`.
+fn push(vectors: &mut dyn Vectors, divisor: f64, is_hatted: bool) -> Result<()> {
+    vectors.push(divisor)?;
+    if is_hatted {
+        vectors.combine(None, &[(1.0, None)], divisor)?;
+        vectors.scale_by(INVERSE)?;
+        vectors.keep(HAT)?;
+    }
+    Ok(())
 }
 
 /// The vectors in the mutex of a solver.

@@ -4,9 +4,9 @@ use super::system::System;
 use crate::error::Result;
 use crate::krylov::basis::{dot, norm, norm_of_square, update, update2};
 use crate::operator::vectors::can_combine;
-use crate::operator::{Adjoint, Sums, Vectors};
+use crate::operator::{Adjoint, Direction, Sums, Vectors};
 
-/// A vector of a short recurrence, for a square operator.
+/// A vector of a short recurrence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum At {
     /// `w`, which products and combinations overwrite.
@@ -68,9 +68,9 @@ fn picked<const K: usize>(columns: &[usize], (sums, norm): &Sums, with: [At; K])
 /// The vectors of the short recurrences.
 impl System {
     /// Takes the residual of the first iterate if it is not known yet: one product. Returns true if this call took the residual. Otherwise
-    /// makes the vectors of the method, unless it has them. They are in the memory of the operator if there is one. A preconditioner that is
+    /// makes the vectors of the method, unless it has them: first `left` vectors as long as `b`, then `right` vectors as long as `x`. They are in the memory of the operator if there is one. A preconditioner that is
     /// not diagonal works on the host, and its vectors are there.
-    pub(super) fn begin(&mut self, operator: &mut dyn Adjoint, own: usize) -> Result<bool> {
+    pub(super) fn begin(&mut self, operator: &mut dyn Adjoint, [left, right]: [usize; 2]) -> Result<bool> {
         if self.open(operator)? {
             return Ok(true);
         }
@@ -81,12 +81,14 @@ impl System {
         let is_simple = self.inverse.is_identity() || self.inverse.diagonal().is_some();
         if !self.has_left && is_ordinary && is_simple {
             self.has_left = true;
-            if let Some(vectors) = self.upload(operator, own)? {
-                self.place = Place::Resident(vectors, (0..COMMON + own).collect());
+            if let Some(vectors) = self.upload(operator, left + right)? {
+                self.place = Place::Resident(vectors, (0..COMMON + left + right).collect());
                 return Ok(false);
             }
         }
-        self.place = Place::Host(vec![vec![0.0; self.x.len()]; own]);
+        let mut own = vec![vec![0.0; self.b.len()]; left];
+        own.resize(left + right, vec![0.0; self.x.len()]);
+        self.place = Place::Host(own);
         Ok(false)
     }
 
@@ -150,17 +152,46 @@ impl System {
     pub(super) fn multiply<const K: usize>(
         &mut self,
         operator: &mut dyn Adjoint,
+        of: (At, f64),
+        with: [At; K],
+    ) -> Result<Dots<K>> {
+        self.multiply_in(Direction::Forward, operator, of, with)
+    }
+
+    /// `w ← Aᵀ u`, as [`System::multiply`].
+    pub(super) fn multiply_adjoint<const K: usize>(
+        &mut self,
+        operator: &mut dyn Adjoint,
+        of: (At, f64),
+        with: [At; K],
+    ) -> Result<Dots<K>> {
+        self.multiply_in(Direction::Adjoint, operator, of, with)
+    }
+
+    fn multiply_in<const K: usize>(
+        &mut self,
+        direction: Direction,
+        operator: &mut dyn Adjoint,
         (of, length): (At, f64),
         with: [At; K],
     ) -> Result<Dots<K>> {
         if let Place::Resident(vectors, columns) = &mut self.place
             && let Some(of) = column(columns, of)
         {
-            let sums = self.tally.product_within(operator, &mut **vectors, (of, length))?;
+            let sums = self.tally.product_within(operator, &mut **vectors, (of, direction, length))?;
             return Ok(picked(columns, &sums, with));
         }
         let vector = std::mem::take(self.host_mut(of));
-        let taken = self.tally.product(operator, &vector, &mut self.work);
+        let taken = match direction {
+            Direction::Forward => {
+                self.work.resize(self.b.len(), 0.0);
+                self.tally.product(operator, &vector, &mut self.work)
+            }
+            Direction::Adjoint => {
+                self.work.resize(self.x.len(), 0.0);
+                self.tally.adjoint(operator, &vector, &mut self.work)
+            }
+        };
         *self.host_mut(of) = vector;
         taken.and_then(|()| self.dots(with))
     }
@@ -187,6 +218,9 @@ impl System {
         let mut w = std::mem::take(&mut self.work);
         let mut others = terms.to_vec();
         let mut of_w = others.iter().position(|(_, at)| *at == At::Work).map(|index| others.remove(index).0);
+        if of_w.is_none() {
+            w.resize(self.host(others[0].1).len(), 0.0);
+        }
         if of_w.is_none() && others.len() > 2 {
             let (c, first) = others.remove(0);
             update(&mut w, self.host(first), |_, v| v);
@@ -194,7 +228,10 @@ impl System {
         }
         let vectors: Vec<(f64, &[f64])> = others.iter().map(|&(c, at)| (c, self.host(at))).collect();
         match (of_w, &vectors[..]) {
-            (Some(a), &[]) => update(&mut w, &self.b, |w, _| a * w / divisor),
+            (Some(a), &[]) => {
+                let as_long = if w.len() == self.b.len() { &self.b } else { &self.x };
+                update(&mut w, as_long, |w, _| a * w / divisor);
+            }
             (None, &[(c, v)]) => update(&mut w, v, |_, v| c * v / divisor),
             (None, &[(c, u), (d, v)]) => update2(&mut w, u, v, |_, u, v| (c * u + d * v) / divisor),
             (Some(a), &[(c, v)]) => update(&mut w, v, |w, v| (a * w + c * v) / divisor),

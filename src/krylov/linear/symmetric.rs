@@ -62,7 +62,7 @@ pub(super) fn symmetry_tolerance(noise: f64, error: f64, length: f64) -> f64 {
 impl Recurrence for Cg {
     fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
         let is_plain = system.inverse.is_identity();
-        if system.begin(operator, if is_plain { 1 } else { 2 })? {
+        if system.begin(operator, [0, if is_plain { 1 } else { 2 }])? {
             return Ok(Advance::Continuing);
         }
         let z = if is_plain { At::R } else { Z };
@@ -212,7 +212,7 @@ impl Minres {
 impl Recurrence for Minres {
     fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
         let is_plain = system.inverse.is_identity();
-        if system.begin(operator, if is_plain { 4 } else { 7 })? {
+        if system.begin(operator, [0, if is_plain { 4 } else { 7 }])? {
             return Ok(Advance::Continuing);
         }
         if !self.started

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::krylov::basis::{norm, update, update2};
 use crate::krylov::powers::{exponent, finite_norm, power, scale, scaled};
 use crate::krylov::precondition::Preconditioner;
-use crate::operator::{Adjoint, Sums, Vectors};
+use crate::operator::{Adjoint, Direction, Sums, Vectors};
 
 /// A solver's progress. Reading it takes no product.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,15 +98,15 @@ impl Tally {
         Ok(())
     }
 
-    /// Takes `w = A v` for a column `v`, about of norm `size`, of vectors in the memory of the operator, and counts it. Returns `Vᵀ w` and
+    /// Takes `w = A v`, or `w = Aᵀ v`, for a column `v`, about of norm `size`, of vectors in the memory of the operator, and counts it. Returns `Vᵀ w` and
     /// `‖w‖`. Fails with [`Error::Device`], and refuses that memory, if the operator is not of ordinary size.
     pub(super) fn product_within(
         &mut self,
         operator: &mut dyn Adjoint,
         vectors: &mut dyn Vectors,
-        (column, size): (usize, f64),
+        (column, direction, size): (usize, Direction, f64),
     ) -> Result<Sums> {
-        operator.apply_within(vectors, column)?;
+        operator.apply_within(vectors, column, direction)?;
         let (dots, length) = vectors.dots_and_norm(0)?;
         let is_known = self.operator_power.is_some();
         if is_known && !length.is_finite() {

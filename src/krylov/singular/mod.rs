@@ -287,7 +287,7 @@ impl Confirmable for Confirmation<'_> {
         triplets.iter().any(|triplet| triplet.status(wanted(triplet)) == PairStatus::NotResolved)
     }
 
-    fn insert(&mut self, process: &GolubKahan, missed: &[Triplet]) -> Result<()> {
+    fn insert(&mut self, process: &mut GolubKahan, missed: &[Triplet]) -> Result<()> {
         for triplet in missed {
             let wanted = self.options.tolerance * self.largest().max(triplet.value);
             let found = &mut *self.found;

@@ -235,11 +235,11 @@ impl GpuMatrix {
         }
     }
 
-    /// `w ← P v`, or `w ← S P Sᵀ v` with the selection of the vectors, for a column `v`, without waiting for it. Fails as
+    /// `w ← P v`, or `w ← S P Sᵀ v` with the selection of the vectors, for a column `v` and a part `P` or its transpose, without waiting for it. Fails as
     /// [`GpuMatrix::apply`], and with [`Error::Numerical`] for vectors of another size.
     pub(super) fn multiply_within(
         &self,
-        (part, channel): (Part, usize),
+        product: Product,
         vectors: &mut DeviceVectors,
         column: usize,
     ) -> Result<()> {
@@ -248,7 +248,7 @@ impl GpuMatrix {
             return Err(made_elsewhere());
         }
         let mut state = self.state();
-        let steps = self.steps(&mut state, Product { part, channel, direction: Direction::Forward })?;
+        let steps = self.steps(&mut state, product)?;
         let record = |encoder: &mut wgpu::CommandEncoder| {
             vectors.write_pattern(column, &self.from, encoder);
             Step::record(&self.gpu, "products", steps, encoder);

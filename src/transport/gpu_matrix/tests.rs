@@ -5,9 +5,10 @@ use rand_pcg::Pcg64;
 
 use super::*;
 use crate::image::{Image, Resolution};
-use crate::operator::{Settling, Vectors};
+use crate::krylov::{Method, SolveOptions, solve_adjoint};
+use crate::operator::{Adjoint, Operator, Settling, Vectors, delegate};
 use crate::render::TraceSummary;
-use crate::transport::{Assembled, Bounces, Channels, CompressedRows};
+use crate::transport::{Assembled, Bounces, Channels, CompressedRows, MatrixOperator};
 
 /// Rows in three channels with `per_row` entries on average. Some are empty, and some are very long.
 fn rows(random: &mut Pcg64, [rows, cols]: [usize; 2], per_row: usize) -> CompressedRows {
@@ -56,9 +57,13 @@ pub(in crate::transport) fn coaxial() -> Assembled {
 
 /// A rig whose projector is beside the camera and has fewer pixels. Direct light is a layer.
 fn apart() -> TransportMatrix {
+    beside(Resolution::new(19, 23))
+}
+
+/// A rig whose projector is beside the camera.
+fn beside(projector: Resolution) -> TransportMatrix {
     let random = &mut Pcg64::seed_from_u64(2);
-    let rig =
-        RigShape { camera: Resolution::new(33, 21), projector: Resolution::new(19, 23), symmetric: false };
+    let rig = RigShape { camera: Resolution::new(33, 21), projector, symmetric: false };
     let shape = [rig.camera.pixels(), rig.projector.pixels()];
     let layers = [(Bounces::One, 2), (Bounces::Global, 50)]
         .map(|(bounces, per_row)| Layer::new(bounces, shape[1], vec![rows(random, shape, per_row)]));
@@ -357,9 +362,13 @@ fn products_within_the_device_are_those_with_the_host() -> Result<()> {
     for (part, channel) in PARTS.into_iter().zip(0..) {
         let mut expected = vec![0.0; x.len()];
         on_device.apply(part, channel, &x, &mut expected)?;
-        on_device.multiply_within((part, channel), &mut vectors, 1)?;
-        assert_eq!(vectors.work()?, expected, "{part:?}: the same bits");
+        for direction in [Direction::Forward, Direction::Adjoint] {
+            // The matrix is symmetric.
+            on_device.multiply_within(Product { part, channel, direction }, &mut vectors, 1)?;
+            assert_eq!(vectors.work()?, expected, "{part:?}: the same bits");
+        }
     }
+    let product = |part| Product { part, channel: 0, direction: Direction::Forward };
     // S P Sᵀ v, with a part of the pixels and their factors.
     let entries: Vec<usize> = (0..x.len()).filter(|entry| entry % 7 < 3).collect();
     let factors = signed(&mut Pcg64::seed_from_u64(6), entries.len());
@@ -373,7 +382,7 @@ fn products_within_the_device_are_those_with_the_host() -> Result<()> {
     on_device.apply(Part::Global, 0, &pattern, &mut photo)?;
     // Another product leaves its pattern.
     on_device.apply(Part::Full, 0, &x, &mut vec![0.0; x.len()])?;
-    on_device.multiply_within((Part::Global, 0), &mut vectors, 0)?;
+    on_device.multiply_within(product(Part::Global), &mut vectors, 0)?;
     let expected: Vec<f64> = entries.iter().zip(&factors).map(|(&entry, s)| s * photo[entry]).collect();
     assert_eq!(vectors.work()?, expected, "the same bits");
     assert_eq!(vectors.product()?, crate::operator::Product { from: pattern, to: photo });
@@ -385,7 +394,45 @@ fn products_within_the_device_are_those_with_the_host() -> Result<()> {
     let twice = Selection { entries: &[3, 3], factors: &[1.0; 2] };
     assert!(on_device.vectors(1, Some(twice)).is_err(), "two factors of one entry");
     let mut unrelated = DeviceVectors::new(&gpu, x.len(), 1)?;
-    assert!(on_device.multiply_within((Part::Full, 0), &mut unrelated, 0).is_err());
+    assert!(on_device.multiply_within(product(Part::Full), &mut unrelated, 0).is_err());
     assert!(GpuMatrix::on(&gpu, &apart())?.vectors(3, None)?.is_none(), "the rig's matrix is not square");
     Ok(())
+}
+
+#[test]
+fn methods_with_the_transpose_find_on_the_device_what_they_find_on_the_host() -> Result<()> {
+    let matrix = beside(Resolution::new(21, 33));
+    let on_device = GpuMatrix::on(&Gpu::for_tests(), &matrix)?;
+    let b = signed(&mut Pcg64::seed_from_u64(8), 33 * 21);
+    let options = SolveOptions { products: 21, rtol: 0.0, ..SolveOptions::default() };
+    for method in [Method::Lsqr, Method::Lsmr] {
+        let mut host = MatrixOperator::new(&matrix, Part::Full, 1);
+        let mut device = MatrixOperator::new(&matrix, Part::Full, 1).on(Some(&on_device));
+        let host = solve_adjoint(method, &mut host, &b, &options)?;
+        let device = solve_adjoint(method, &mut Within(&mut device), &b, &options)?;
+        assert_eq!(host.stats, device.stats);
+        for (host, device) in host.history.iter().zip(&device.history) {
+            // Rounding of products and sums, relative to 1.
+            assert!((host.residual - device.residual).abs() < 1e-12, "{method:?}");
+        }
+        assert!(device.residual < 0.99, "{method:?}: {}", device.residual);
+    }
+    Ok(())
+}
+
+/// An operator whose products need its own memory.
+struct Within<'a>(&'a mut MatrixOperator<'a>);
+
+impl Operator for Within<'_> {
+    delegate!(0: rows, cols, symmetry, vectors);
+
+    fn apply_block(&mut self, _: &[&[f64]], _: &mut [&mut [f64]]) -> Result<()> {
+        unreachable!("the vectors stay on the device")
+    }
+}
+
+impl Adjoint for Within<'_> {
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.apply_block(ys, xs)
+    }
 }
