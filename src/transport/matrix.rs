@@ -346,7 +346,7 @@ impl Operator for MatrixOperator<'_> {
         match self.device.zip(vectors) {
             Some((device, vectors)) => {
                 let product = Product { part: self.part, channel: self.channel, direction };
-                device.multiply_within(product, vectors, column)
+                device.multiply_within(self.matrix, product, vectors, column)
             }
             None => Err(made_elsewhere()),
         }

@@ -12,9 +12,9 @@ use krylux::analysis::{Capture, CompensateOptions, SegmentOptions, Target, compe
 use krylux::image::{Image, Resolution};
 use krylux::journal::{Journal, Kind};
 use krylux::krylov::{
-    Completeness, Diagonal, Eigs, EigsMethod, EigsOptions, Factorization, ForwardOnly, METHODS, Method,
-    MethodFacts, PairStatus, Solution, SolveOptions, Start, Status, dot, eigs, eigs_from, norm, solve,
-    solve_from,
+    Completeness, Confirm, Diagonal, Eigs, EigsMethod, EigsOptions, Factorization, ForwardOnly, METHODS,
+    Method, MethodFacts, PairStatus, Solution, SolveOptions, Start, Status, confirm, dot, eigs, eigs_from,
+    norm, solve, solve_from,
 };
 use krylux::lab::{Lab, RunOptions, Settings, SharedObserver};
 use krylux::observer::{Level, Observer, OnStep, PhotoTaken, Step};
@@ -45,7 +45,7 @@ fn found_within(assembled: &Assembled, part: Part, options: &EigsOptions) -> Eig
     let found = eigs(&mut operator, options).expect("the process finds pairs");
     assert_eq!(
         (operator.within, operator.with_host),
-        (found.stats.products, 0),
+        (found.stats.products + found.confirming, 0),
         "the vectors stay on the device"
     );
     found
@@ -109,6 +109,43 @@ fn every_process_finds_on_the_device_what_it_finds_on_the_host() {
             assert_eq!(bits(&device), bits(&found(&assembled, part, options)), "{what}: the same bits again");
         }
         assert_same(&others_on_host, &found_within(&assembled, part, &others), "without a known pair");
+    }
+}
+
+#[test]
+fn a_confirmation_on_the_device_finds_what_the_search_has_missed() {
+    let (tracer, mut assembled) = scene("cornell", 32);
+    let part = Part::Global;
+    let all = found(&assembled, part, &asked(EigsMethod::Lanczos, 60));
+    let mut incomplete = all.clone();
+    incomplete.completeness = Completeness::NotExcluded;
+    let numbers = [&mut incomplete.values, &mut incomplete.imaginary_values, &mut incomplete.residuals];
+    let errors = [&mut incomplete.standard_errors, &mut incomplete.bounds, &mut incomplete.gap_bounds];
+    for numbers in numbers.into_iter().chain(errors) {
+        numbers.remove(1);
+    }
+    drop((
+        incomplete.vectors.remove(1),
+        incomplete.imaginary_vectors.remove(1),
+        incomplete.statuses.remove(1),
+    ));
+    assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+    let options = EigsOptions { count: 3, ..asked(EigsMethod::Lanczos, 60) };
+    // The few steps of a large share do not resolve the missed pair. More steps follow, for which the memory has no room.
+    for (share, leaves) in [(0.01, false), (0.4, true)] {
+        let mut operator = Watched::new(assembled.operator(part, 0));
+        let mut found = incomplete.clone();
+        confirm(&mut operator, &mut found, &options, &Confirm { share, ..Confirm::default() })
+            .expect("products are free");
+        assert!(operator.within > 8 && (operator.with_host > 0) == leaves, "{share}: {}", operator.with_host);
+        assert_eq!(found.confirming - all.confirming, operator.within + operator.with_host);
+        assert!(matches!(found.completeness, Completeness::Confirmed(_)), "{:?}", found.completeness);
+        for pair in 0..3 {
+            let apart = (found.values[pair] - all.values[pair]).abs();
+            assert!(apart <= found.bounds[pair] + all.bounds[pair], "{share}: {apart:e}");
+            let cosine = dot(&found.vectors[pair], &all.vectors[pair]);
+            assert!((cosine - 1.0).abs() < 1e-8, "{share}, pair {pair}: {cosine}");
+        }
     }
 }
 
@@ -192,6 +229,10 @@ impl Operator for Watched<'_> {
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.with_host += 1;
         self.inner.apply(x, y)
+    }
+
+    fn confirming(&mut self, on: bool) -> bool {
+        self.inner.confirming(on)
     }
 
     fn vectors(&self, columns: usize, selection: Option<Selection<'_>>) -> Result<Option<Box<dyn Vectors>>> {

@@ -4,12 +4,12 @@ use faer::Mat;
 
 use super::SingularOptions;
 use crate::error::{Error, Result};
-use crate::krylov::basis::{Basis, exceeds_rounding, norm, orthogonalize};
+use crate::krylov::basis::{Basis, Removed, exceeds_rounding, norm, orthogonalize, orthogonalized};
 use crate::krylov::completeness::Status;
-use crate::krylov::factor::{PairStatus, point_upwards, temple_kato};
+use crate::krylov::factor::{MOST, PairStatus, point_upwards, temple_kato};
 use crate::krylov::powers::finite_product;
 use crate::krylov::start::{seed_of, seeded};
-use crate::operator::Adjoint;
+use crate::operator::{Adjoint, Direction, Sums, Vectors};
 
 /// One approximate singular triplet, in the coordinates of the two bases.
 pub(super) struct Triplet {
@@ -32,13 +32,28 @@ impl Triplet {
     }
 }
 
+/// The columns of both bases, in the memory of the operator.
+struct Resident {
+    vectors: Box<dyn Vectors>,
+    /// The largest number of columns.
+    room: usize,
+    /// The columns of each basis, in the order of the basis.
+    columns: [Vec<usize>; 2],
+}
+
+/// The left basis, and the right basis, in lists of both.
+const LEFT: usize = 0;
+const RIGHT: usize = 1;
+
 pub(super) struct GolubKahan {
-    left: Basis,
-    /// Known vectors, then the vectors of the process.
-    right: Basis,
+    /// The left basis, and the right basis. The right basis begins with the known vectors.
+    bases: [Basis; 2],
+    /// The bases, while they are in the memory of the operator. Those of the host are then empty.
+    resident: Option<Resident>,
     known: usize,
-    /// The next right vector, times its norm; zero if there is no next vector.
-    next: Vec<f64>,
+    /// `w`: the next right vector, times its norm. It is there if the bases are.
+    work: Vec<f64>,
+    /// The norm of the next right vector; zero if there is no next vector.
     length: f64,
     /// The norm of the part of the last product with `Aᵀ` outside the right basis. It is 0 if the next right vector is random.
     beta: f64,
@@ -65,25 +80,25 @@ impl GolubKahan {
             return Err(Error::Numerical("the first vector is zero, or holds a NaN or an infinity".into()));
         }
         let mut process = Self::empty(rows, cols, options.start.seed());
-        (process.next, process.length) = (next, length);
+        (process.work, process.length) = (next, length);
         Ok(process)
     }
 
     /// Starts a process from a random vector of this seed, on the complement of orthonormal right vectors.
-    pub(super) fn beside(rows: usize, known: &[Vec<f64>], seed: u64) -> Self {
+    pub(super) fn beside(rows: usize, known: &[Vec<f64>], seed: u64) -> Result<Self> {
         let mut process = Self::empty(rows, known.first().map_or(0, Vec::len), seed);
-        known.iter().for_each(|vector| process.right.push_scaled(vector, 1.0));
+        known.iter().for_each(|vector| process.bases[RIGHT].push_scaled(vector, 1.0));
         process.known = known.len();
-        process.draw();
-        process
+        process.draw()?;
+        Ok(process)
     }
 
     fn empty(rows: usize, cols: usize, seed: u64) -> Self {
         Self {
-            left: Basis::new(rows),
-            right: Basis::new(cols),
+            bases: [Basis::new(rows), Basis::new(cols)],
+            resident: None,
             known: 0,
-            next: vec![0.0; cols],
+            work: vec![0.0; cols],
             length: 0.0,
             beta: 0.0,
             seed,
@@ -97,31 +112,108 @@ impl GolubKahan {
         }
     }
 
+    /// Moves the bases to the memory of the operator, if it has one with room for this number of products. Fails as
+    /// [`Operator::vectors`](crate::operator::Operator::vectors).
+    pub(super) fn upload(&mut self, operator: &dyn Adjoint, products: usize) -> Result<()> {
+        let [left, right] = [LEFT, RIGHT].map(|side| self.bases[side].len());
+        let room = left + right + products + 1;
+        if room > MOST {
+            return Ok(());
+        }
+        let Some(mut vectors) = operator.vectors(room, None)? else { return Ok(()) };
+        for column in self.bases.iter().flat_map(Basis::columns) {
+            vectors.load(column)?;
+            vectors.push(1.0)?;
+        }
+        vectors.load(&self.work)?;
+        let columns = [(0..left).collect(), (left..left + right).collect()];
+        self.bases.iter_mut().for_each(Basis::clear);
+        self.resident = Some(Resident { vectors, room, columns });
+        Ok(())
+    }
+
+    /// Moves the bases to the host's memory.
+    pub(super) fn download(&mut self) -> Result<()> {
+        let Some(Resident { vectors, columns, .. }) = self.resident.take() else { return Ok(()) };
+        for (basis, columns) in self.bases.iter_mut().zip(columns) {
+            columns.iter().try_for_each(|&column| {
+                basis.push_scaled(&vectors.column(column)?, 1.0);
+                Ok::<_, Error>(())
+            })?;
+        }
+        self.work = vectors.work()?.into_owned();
+        Ok(())
+    }
+
+    /// The number of vectors of a basis.
+    fn len(&self, side: usize) -> usize {
+        self.resident.as_ref().map_or(self.bases[side].len(), |resident| resident.columns[side].len())
+    }
+
+    fn rows(&self, side: usize) -> usize {
+        self.bases[side].rows()
+    }
+
+    /// Adds `w/divisor` to a basis.
+    fn push(&mut self, side: usize, divisor: f64) -> Result<()> {
+        let Some(Resident { vectors, columns, .. }) = &mut self.resident else {
+            self.bases[side].push_scaled(&self.work, divisor);
+            return Ok(());
+        };
+        columns[side].push(vectors.columns());
+        vectors.push(divisor)
+    }
+
+    /// Removes from `w` its part in the span of a basis.
+    fn orthogonalize(&mut self, side: usize) -> Result<Removed> {
+        let Some(Resident { vectors, columns, .. }) = &mut self.resident else {
+            return Ok(orthogonalize(&self.bases[side], &mut self.work));
+        };
+        let (columns, total) = (&columns[side], vectors.columns());
+        let of_side =
+            |(sums, length): Sums| (columns.iter().map(|&column| sums[column]).collect::<Vec<f64>>(), length);
+        let start = vectors.dots_and_norm(0)?;
+        orthogonalized(of_side(start), |h| {
+            let mut all = vec![0.0; total];
+            columns.iter().zip(h).for_each(|(&column, h)| all[column] = *h);
+            vectors.remove_and_dot(&all).map(of_side)
+        })
+    }
+
+    /// `w ←` a random vector without its part in the span of a basis. Returns the norms of both vectors.
+    fn draw_beside(&mut self, side: usize) -> Result<[f64; 2]> {
+        let seed = seed_of(self.seed, self.draws);
+        self.draws += 1;
+        self.work = seeded(self.rows(side), !seed);
+        if let Some(resident) = &mut self.resident {
+            resident.vectors.load(&self.work)?;
+        }
+        let before = norm(&self.work);
+        Ok([before, self.orthogonalize(side)?.norm])
+    }
+
     /// Continues from a random vector orthogonal to the right basis, if there is such a vector.
-    fn draw(&mut self) {
+    fn draw(&mut self) -> Result<()> {
         (self.length, self.beta) = (0.0, 0.0);
-        let n = self.next.len();
+        let n = self.rows(RIGHT);
         // In a space of few dimensions a random vector may lie almost in the span, so several are tried.
         for _ in 0..8 {
-            if self.right.len() >= n {
-                return;
+            if self.len(RIGHT) >= n {
+                break;
             }
-            let seed = seed_of(self.seed, self.draws);
-            self.draws += 1;
-            self.next = seeded(n, !seed);
-            let before = norm(&self.next);
-            let rest = orthogonalize(&self.right, &mut self.next).norm;
+            let [before, rest] = self.draw_beside(RIGHT)?;
             if exceeds_rounding(rest, before, n) {
                 self.length = rest;
-                return;
+                break;
             }
         }
+        Ok(())
     }
 
     /// Returns true if the products determine the whole matrix on the complement of the known vectors. This holds if the right basis spans
     /// all patterns. It also holds if the left basis spans all photos, and their products with `Aᵀ` lie within the right basis.
     pub(super) fn is_exhausted(&self) -> bool {
-        self.length == 0.0 || (self.left.len() == self.left.rows() && self.beta == 0.0)
+        self.length == 0.0 || (self.len(LEFT) == self.rows(LEFT) && self.beta == 0.0)
     }
 
     /// Returns true if random vectors have continued the process.
@@ -131,7 +223,7 @@ impl GolubKahan {
 
     /// The number of right vectors (patterns) of the process, without known vectors.
     pub(super) fn steps(&self) -> usize {
-        self.right.len() - self.known
+        self.len(RIGHT) - self.known
     }
 
     /// The largest error that the operator stated for a product, or 0 if the operator states no errors.
@@ -139,60 +231,75 @@ impl GolubKahan {
         self.forth_errors.iter().chain(&self.back_errors).copied().fold(0.0, f64::max)
     }
 
+    /// `w ←` the product with the last vector of the basis `from`, without its part in the span of the other basis.
+    fn multiply(&mut self, operator: &mut dyn Adjoint, from: usize) -> Result<Removed> {
+        let (to, direction) =
+            if from == RIGHT { (LEFT, Direction::Forward) } else { (RIGHT, Direction::Adjoint) };
+        let length = match &mut self.resident {
+            Some(Resident { vectors, .. }) => {
+                let count = vectors.columns();
+                operator.apply_within(&mut **vectors, count - 1, direction)?;
+                let (_, length) = vectors.dots_and_norm(count)?;
+                finite_product(&[length])?
+            }
+            None => {
+                self.work.resize(self.bases[to].rows(), 0.0);
+                let vector = &self.bases[from].columns()[self.bases[from].len() - 1];
+                operator.products(direction, &[vector], &mut [&mut self.work])?;
+                finite_product(&self.work)?
+            }
+        };
+        let errors = if from == RIGHT { &mut self.forth_errors } else { &mut self.back_errors };
+        errors.push(operator.standard_error());
+        self.products += 1;
+        self.scale = self.scale.max(length);
+        self.orthogonalize(to)
+    }
+
     /// Takes a product with `A`, and also a product with `Aᵀ` if the first product is not in the span of the left basis. The process must
     /// not be exhausted.
     pub(super) fn step(&mut self, operator: &mut dyn Adjoint) -> Result<()> {
-        self.right.push_scaled(&self.next, self.length);
-        let mut photo = vec![0.0; self.left.rows()];
-        operator.apply(&self.right.columns()[self.right.len() - 1], &mut photo)?;
-        self.forth_errors.push(operator.standard_error());
-        self.products += 1;
-        self.scale = self.scale.max(finite_product(&photo)?);
-        let mut removed = orthogonalize(&self.left, &mut photo);
-        let is_new = exceeds_rounding(removed.norm, self.scale, photo.len());
+        if self.resident.as_ref().is_some_and(|resident| resident.room < resident.vectors.columns() + 2) {
+            self.download()?;
+        }
+        self.push(RIGHT, self.length)?;
+        let mut removed = self.multiply(operator, RIGHT)?;
+        let is_new = exceeds_rounding(removed.norm, self.scale, self.rows(LEFT));
         if is_new {
-            self.left.push_scaled(&photo, removed.norm);
+            self.push(LEFT, removed.norm)?;
             removed.coefficients.push(removed.norm);
         }
         self.forth.push(removed.coefficients);
         if !is_new {
-            self.draw();
-            return Ok(());
+            return self.draw();
         }
-        operator.apply_adjoint(&self.left.columns()[self.left.len() - 1], &mut self.next)?;
-        self.back_errors.push(operator.standard_error());
-        self.products += 1;
-        self.scale = self.scale.max(finite_product(&self.next)?);
-        let mut removed = orthogonalize(&self.right, &mut self.next);
-        let is_new = exceeds_rounding(removed.norm, self.scale, self.next.len());
+        let mut removed = self.multiply(operator, LEFT)?;
+        let is_new = exceeds_rounding(removed.norm, self.scale, self.rows(RIGHT));
         if is_new {
             (self.length, self.beta) = (removed.norm, removed.norm);
             removed.coefficients.push(self.beta);
         } else {
-            self.draw();
+            self.draw()?;
         }
         self.back.push(removed.coefficients);
         Ok(())
     }
 
     /// Adds left vectors beyond the range of an exhausted process, so that singular values of zero also have left vectors.
-    pub(super) fn complete(&mut self) {
-        let rows = self.left.rows();
-        while self.left.len() < self.steps().min(rows) {
-            let seed = seed_of(self.seed, self.draws);
-            self.draws += 1;
-            let mut vector = seeded(rows, !seed);
-            let before = norm(&vector);
-            let rest = orthogonalize(&self.left, &mut vector).norm;
+    pub(super) fn complete(&mut self) -> Result<()> {
+        let rows = self.rows(LEFT);
+        while self.len(LEFT) < self.steps().min(rows) {
+            let [before, rest] = self.draw_beside(LEFT)?;
             if exceeds_rounding(rest, before, rows) {
-                self.left.push_scaled(&vector, rest);
+                self.push(LEFT, rest)?;
             }
         }
+        Ok(())
     }
 
     /// `R` and `L`, with one row for each left vector and one column for each right vector.
     fn both(&self) -> [Mat<f64>; 2] {
-        let (rows, cols) = (self.left.len(), self.steps());
+        let (rows, cols) = (self.len(LEFT), self.steps());
         let entry = |list: &[Vec<f64>], at: usize, of: usize| {
             list.get(at).and_then(|list| list.get(of)).copied().unwrap_or(0.0)
         };
@@ -204,7 +311,7 @@ impl GolubKahan {
 
     pub(super) fn triplets(&self, options: &SingularOptions) -> Result<Vec<Triplet>> {
         let [forth, back] = self.both();
-        let (rows, cols) = (self.left.len(), self.steps());
+        let (rows, cols) = (self.len(LEFT), self.steps());
         let mean = Mat::from_fn(rows, cols, |i, j| 0.5 * (forth[(i, j)] + back[(i, j)]));
         let svd = mean.thin_svd().map_err(|_| {
             Error::Numerical(format!(
@@ -228,7 +335,7 @@ impl GolubKahan {
             let outside = waiting * p.last().copied().unwrap_or(0.0);
             let [there, here] =
                 [self.error(&self.forth_errors, &q, options), self.error(&self.back_errors, &p, options)];
-            let along = [(there, self.left.rows()), (here, self.right.rows())];
+            let along = [(there, self.rows(LEFT)), (here, self.rows(RIGHT))];
             let along = along.map(|(error, n)| error / (n as f64).sqrt());
             found.push(Triplet {
                 value,
@@ -283,14 +390,16 @@ impl GolubKahan {
         }
     }
 
-    /// The photo and the pattern of a triplet. The entry of largest magnitude of the pattern is positive.
+    /// The photo and the pattern of a triplet. The entry of largest magnitude of the pattern is positive. The bases must be in the host's
+    /// memory.
     pub(super) fn vectors(&self, triplet: &Triplet) -> [Vec<f64>; 2] {
         let combine = |basis: &Basis, s: &[f64]| {
             let mut sum = vec![0.0; basis.rows()];
             basis.accumulate(basis.len() - s.len(), s, 1.0, &mut sum);
             sum
         };
-        let (mut photo, mut pattern) = (combine(&self.left, &triplet.p), combine(&self.right, &triplet.q));
+        let [mut photo, mut pattern] =
+            [(LEFT, &triplet.p), (RIGHT, &triplet.q)].map(|(side, s)| combine(&self.bases[side], s));
         if point_upwards(&mut pattern) {
             photo.iter_mut().for_each(|value| *value = -*value);
         }

@@ -101,6 +101,7 @@ pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result
 fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<Singular> {
     options.check()?;
     let mut process = GolubKahan::new(operator.rows(), operator.cols(), options)?;
+    process.upload(operator, options.products)?;
     let mut further = FurtherSteps::new(operator.cols());
     let mut recorder = Recorder::new(options.products);
     let mut triplets = Vec::new();
@@ -109,7 +110,7 @@ fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<
             if options.noise > 0.0 || process.largest_error() > 0.0 {
                 break Status::NoiseFloor;
             }
-            process.complete();
+            process.complete()?;
             triplets = process.triplets(options)?;
             break Status::SpaceExhausted;
         }
@@ -127,6 +128,7 @@ fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<
             break Status::Stopped;
         }
     };
+    process.download()?;
     let mut found = answer(&process, &triplets, options, recorder.history, status);
     let left = options.products.saturating_sub(found.stats.products);
     let (is_free, _) = confirming(operator, |operator, is_free| {
@@ -253,9 +255,11 @@ impl Confirmable for Confirmation<'_> {
         self.most.saturating_sub(self.products) / 2
     }
 
-    fn begin(&self, round: u64, _: usize) -> Result<GolubKahan> {
+    fn begin(&self, round: u64, steps: usize) -> Result<GolubKahan> {
         let seed = seed_of(self.options.start.seed(), round + 1);
-        Ok(GolubKahan::beside(self.operator.rows(), &self.found.right, seed))
+        let mut process = GolubKahan::beside(self.operator.rows(), &self.found.right, seed)?;
+        process.upload(self.operator, 2 * steps)?;
+        Ok(process)
     }
 
     fn step(&mut self, process: &mut GolubKahan, total: usize) -> Result<()> {
@@ -288,6 +292,9 @@ impl Confirmable for Confirmation<'_> {
     }
 
     fn insert(&mut self, process: &mut GolubKahan, missed: &[Triplet]) -> Result<()> {
+        if !missed.is_empty() {
+            process.download()?;
+        }
         for triplet in missed {
             let wanted = self.options.tolerance * self.largest().max(triplet.value);
             let found = &mut *self.found;

@@ -115,6 +115,17 @@ impl GpuMatrix {
         from: &[f64],
         to: &mut [f64],
     ) -> Result<()> {
+        let (mut state, product) = self.prepare(matrix, product)?;
+        self.take(&mut state, product, from, to)
+    }
+
+    /// Copies the transpose to the device if this product is the first that needs it. Returns the product that the device computes in place
+    /// of this one.
+    fn prepare(
+        &self,
+        matrix: &TransportMatrix,
+        product: Product,
+    ) -> Result<(MutexGuard<'_, State>, Product)> {
         let mut state = self.state();
         if product.direction == Direction::Adjoint && !self.rig.symmetric && state.transposed.is_none() {
             let layer = |layer: &Layer| {
@@ -125,7 +136,7 @@ impl GpuMatrix {
         }
         // The matrix of a coaxial rig is its own transpose.
         let direction = if self.rig.symmetric { Direction::Forward } else { product.direction };
-        self.take(&mut state, Product { direction, ..product }, from, to)
+        Ok((state, Product { direction, ..product }))
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -235,10 +246,12 @@ impl GpuMatrix {
         }
     }
 
-    /// `w ← P v`, or `w ← S P Sᵀ v` with the selection of the vectors, for a column `v` and a part `P` or its transpose, without waiting for it. Fails as
+    /// `w ← P v`, or `w ← S P Sᵀ v` with the selection of the vectors, for a column `v` and a part `P` or its transpose. Does not wait for the
+    /// product. `matrix` is as for [`GpuMatrix::multiply`]. Fails as
     /// [`GpuMatrix::apply`], and with [`Error::Numerical`] for vectors of another size.
     pub(super) fn multiply_within(
         &self,
+        matrix: &TransportMatrix,
         product: Product,
         vectors: &mut DeviceVectors,
         column: usize,
@@ -247,7 +260,7 @@ impl GpuMatrix {
         if vectors.pixels() != pixels || self.rig.projector.pixels() != pixels {
             return Err(made_elsewhere());
         }
-        let mut state = self.state();
+        let (mut state, product) = self.prepare(matrix, product)?;
         let steps = self.steps(&mut state, product)?;
         let record = |encoder: &mut wgpu::CommandEncoder| {
             vectors.write_pattern(column, &self.from, encoder);
