@@ -227,9 +227,8 @@ impl LightTransport {
                 let mut operator = JournaledOperator::replay(journal, name, size, shape.symmetry);
                 let replayed = operator.products(direction, &[x], &mut [y]);
                 let is_missing = matches!(replayed, Err(Error::NotTaken { .. }));
-                let follows = is_missing
-                    && direction == Direction::Forward
-                    && Spanned::of(spanned, journal, (part, channel))?.product(x, y);
+                let follows =
+                    is_missing && Spanned::of(spanned, journal, ((part, channel), direction))?.product(x, y);
                 if !follows {
                     replayed?;
                 }

@@ -66,11 +66,11 @@ impl<'a> JournaledOperator<'a> {
         operator.append(direction, &keys, &product.from, &product.to)
     }
 
-    /// The undamaged products `y = A x` that were journaled under this name, in the order of computation.
+    /// The undamaged products in this direction that were journaled under this name, in the order of computation.
     ///
     /// # Errors
     /// [`Error::Read`]; [`Error::Journal`] for a record in a form that this version does not know.
-    pub fn kept(journal: &mut Journal, name: &str) -> Result<Vec<Product>> {
+    pub fn kept(journal: &mut Journal, name: &str, direction: Direction) -> Result<Vec<Product>> {
         let misread = |journal: &Journal| {
             Error::journal(
                 journal.path(),
@@ -83,7 +83,7 @@ impl<'a> JournaledOperator<'a> {
         let mut products = Vec::new();
         for (key, metadata) in noted {
             let note: Note = serde_json::from_slice(&metadata).map_err(|_| misread(journal))?;
-            if note.operator != name || note.direction != Direction::Forward {
+            if note.operator != name || note.direction != direction {
                 continue;
             }
             let pattern = Key::from_hex(&note.pattern).ok_or_else(|| misread(journal))?;

@@ -5,7 +5,7 @@ use std::fs;
 
 use krylux::Result;
 use krylux::journal::Journal;
-use krylux::operator::{Adjoint, Operator, Symmetry};
+use krylux::operator::{Adjoint, Direction, Operator, Symmetry};
 use krylux::transport::JournaledOperator;
 
 use super::{file, identity};
@@ -162,7 +162,7 @@ fn of_a_block_only_the_products_that_the_journal_lacks_are_taken() {
     assert_eq!(inner.taken, [1, 2], "2 is there, and 1 is taken once");
     // A block of four of the six is taken and kept; the next fails as a whole.
     assert!(block(&mut journal, &mut inner, &[4.0, 5.0, 6.0, 7.0, 8.0, 9.0]).is_err());
-    let kept = JournaledOperator::kept(&mut journal, "full").expect("it can be read");
+    let kept = JournaledOperator::kept(&mut journal, "full", Direction::Forward).expect("it can be read");
     let order: Vec<f64> = kept.iter().map(|product| product.from[0]).collect();
     assert_eq!(order, [2.0, 1.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
     assert_eq!(inner.taken, [1, 2, 4, 2]);

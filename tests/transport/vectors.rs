@@ -13,8 +13,8 @@ use krylux::image::{Image, Resolution};
 use krylux::journal::{Journal, Kind};
 use krylux::krylov::{
     Completeness, Confirm, Diagonal, Eigs, EigsMethod, EigsOptions, Factorization, ForwardOnly, METHODS,
-    Method, MethodFacts, PairStatus, Solution, SolveOptions, Start, Status, confirm, dot, eigs, eigs_from,
-    norm, solve, solve_from,
+    Method, MethodFacts, PairStatus, SingularOptions, Solution, SolveOptions, Start, Status, confirm, dot,
+    eigs, eigs_from, norm, singular, solve, solve_from,
 };
 use krylux::lab::{Lab, RunOptions, Settings, SharedObserver};
 use krylux::observer::{Level, Observer, OnStep, PhotoTaken, Step};
@@ -535,6 +535,29 @@ fn the_photos_of_a_solver_on_the_device_answer_a_machine_without_it() {
         assert!(!said.contains("model"), "{method:?}: {said}");
         assert_eq!(on_device.stats, again.stats, "{method:?}");
         assert!((on_device.residual - again.residual).abs() < 1e-12, "{method:?}");
+    }
+}
+
+#[test]
+fn singular_values_of_a_run_on_the_device_answer_a_machine_without_it() {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let run = folder.path().join("run");
+    let options = SingularOptions { count: 1, products: 60, tolerance: 1e-4, ..SingularOptions::default() };
+    let on_device = {
+        let mut lab = lab_in(&run, Backend::Gpu, false, Arc::new(Listener::default()));
+        let mut operator = lab.operator(Part::Global).expect("the scene is traced");
+        singular(&mut operator, &options).expect("the photos are taken")
+    };
+    let heard = Arc::new(Listener::default());
+    let mut lab = Lab::builder(&run).observer(heard.clone()).open().expect("the run is whole");
+    let mut operator = lab.operator(Part::Global).expect("the photos are there");
+    let again = singular(&mut operator, &options).expect("the photos answer");
+    let said = heard.0.lock().expect("no other thread").clone();
+    assert!(!said.contains("model"), "{said}");
+    assert_eq!(on_device.stats, again.stats);
+    assert!(on_device.confirming > 0, "photos of both directions also confirm");
+    for (device, again) in on_device.values.iter().zip(&again.values) {
+        assert!((device - again).abs() < 1e-12 * device, "rounding of the same photos: {device} {again}");
     }
 }
 

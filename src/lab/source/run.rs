@@ -15,7 +15,7 @@ use crate::lab::notes::product_name;
 use crate::lab::notes::{self, Kind, SourceNote};
 use crate::lab::{SharedObserver, Truth, layout};
 use crate::measure::{Calibration, JournaledFrames, RigFile, RunManifest};
-use crate::operator::Product;
+use crate::operator::{Direction, Product};
 use crate::rig::Frame;
 use crate::transport::{Channels, JournaledOperator, Part};
 
@@ -99,7 +99,9 @@ impl RunSource {
         let SourceNote { photos, channels, .. } = self.note;
         let mut of = |part| -> Result<Vec<Vec<Product>>> {
             (0..channels)
-                .map(|channel| JournaledOperator::kept(journal, &product_name(part, channel)))
+                .map(|channel| {
+                    JournaledOperator::kept(journal, &product_name(part, channel), Direction::Forward)
+                })
                 .collect()
         };
         let (global, full) = (of(Part::Global)?, of(Part::Full)?);

@@ -9,7 +9,7 @@ use super::{confirming_name, product_name};
 use crate::error::Result;
 use crate::journal::Journal;
 use crate::krylov::{dot, norm};
-use crate::operator::Product;
+use crate::operator::{Direction, Product};
 use crate::transport::{JournaledOperator, Part};
 
 /// The largest error of a product by linearity, relative to the largest product of a pattern of norm 1. Within it the product is as good as
@@ -22,9 +22,9 @@ const SAFETY: f64 = 3.0;
 /// A pattern whose part outside the span of the patterns before it is smaller, relative to the pattern, is left out.
 const NEW: f64 = 1e-10;
 
-/// The products of one part and channel of a run's light transport.
+/// The products of one part and channel of a run's light transport, in one direction.
 pub(super) struct Spanned {
-    of: (Part, usize),
+    of: Of,
     /// Orthonormal vectors `Q`, and the columns of the triangular `R`, so that the kept patterns are `P = Q R`.
     orthonormal: Vec<Vec<f64>>,
     triangle: Vec<Vec<f64>>,
@@ -35,23 +35,23 @@ pub(super) struct Spanned {
     gain: f64,
 }
 
+/// A part and a channel, and the direction of products.
+type Of = ((Part, usize), Direction);
+
 impl Spanned {
-    /// The products of this part and channel in the journal, which are read unless they are among the `known` ones.
-    pub(super) fn of<'a>(
-        known: &'a mut Vec<Self>,
-        journal: &mut Journal,
-        of: (Part, usize),
-    ) -> Result<&'a Self> {
+    /// These products in the journal, which are read unless they are among the `known` ones.
+    pub(super) fn of<'a>(known: &'a mut Vec<Self>, journal: &mut Journal, of: Of) -> Result<&'a Self> {
         let place = known.iter().position(|known| known.of == of).unwrap_or(known.len());
         if place == known.len() {
-            let mut products = JournaledOperator::kept(journal, &product_name(of.0, of.1))?;
-            products.extend(JournaledOperator::kept(journal, &confirming_name(of))?);
+            let ((part, channel), direction) = of;
+            let mut products = JournaledOperator::kept(journal, &product_name(part, channel), direction)?;
+            products.extend(JournaledOperator::kept(journal, &confirming_name((part, channel)), direction)?);
             known.push(Self::by(of, products));
         }
         Ok(&known[place])
     }
 
-    fn by(of: (Part, usize), products: Vec<Product>) -> Self {
+    fn by(of: Of, products: Vec<Product>) -> Self {
         let (orthonormal, triangle, photos, sizes) = Default::default();
         let mut spanned = Self { of, orthonormal, triangle, photos, sizes, gain: 0.0 };
         for Product { from: mut pattern, to: photo } in products {
@@ -149,7 +149,7 @@ mod tests {
         let near = mix(&[(1.0, pattern(0)), (1e-6, pattern(7))]);
         let kept = [pattern(0), pattern(1), pattern(2), near];
         let products = kept.iter().map(|x| Product { from: x.clone(), to: light(x) }).collect();
-        let spanned = Spanned::by((Part::Full, 0), products);
+        let spanned = Spanned::by(((Part::Full, 0), Direction::Forward), products);
         let twin =
             |k: usize| kept[k].iter().map(|value| value * (1.0 + 2.0 * f64::EPSILON)).collect::<Vec<f64>>();
         let inside = [twin(0), twin(3), mix(&[(2.0, pattern(1)), (-0.3, pattern(2)), (0.7, pattern(0))])];
@@ -169,7 +169,7 @@ mod tests {
         }
         let dark = Product { from: vec![0.0; 40], to: vec![0.0; 40] };
         let broken = Product { from: pattern(3), to: vec![f64::NAN; 40] };
-        let empty = Spanned::by((Part::Full, 0), vec![dark, broken]);
+        let empty = Spanned::by(((Part::Full, 0), Direction::Forward), vec![dark, broken]);
         assert!(!empty.product(&pattern(3), &mut [0.0; 40]));
     }
 }
