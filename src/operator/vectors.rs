@@ -76,7 +76,7 @@ pub trait Vectors: Any + Send {
         Err(made_elsewhere())
     }
 
-    /// The last product that [`Operator::apply_within`](super::Operator::apply_within) computed in these vectors: `x` and `A x`, of all `n`
+    /// The last product that [`Operator::apply_within`](super::Operator::apply_within) computed in these vectors: `x` and `A x` or `Aᵀ x`, of all `n`
     /// entries, also with a selection. Fails as [`Vectors::column`]. The default, for vectors in the host's memory, always fails.
     fn product(&self) -> Result<Product> {
         Err(made_elsewhere())

@@ -136,7 +136,7 @@ pub struct Recorded<'a, O: ?Sized> {
 pub struct Product {
     /// `x`.
     pub from: Vec<f64>,
-    /// `A x`.
+    /// `A x`, or `Aᵀ x`.
     pub to: Vec<f64>,
 }
 

@@ -55,7 +55,7 @@ impl<'a> JournaledOperator<'a> {
         direction: Direction,
         product: &Product,
     ) -> Result<()> {
-        // Products do not depend on the shape.
+        // Only products that are read or computed need the true shape.
         let shape = [product.to.len(), product.from.len()];
         let mut operator = Self::replay(journal, name, shape, Symmetry::General);
         let keys = operator.keys(direction, &product.from);

@@ -179,7 +179,8 @@ impl Factorization {
     }
 }
 
-/// A factorization whose vectors are in the memory of the operator, as long as there is room.
+/// A factorization whose vectors are in the memory of the operator, as long as there is room. Those in the host's memory are then out of
+/// date, so Ritz vectors must come from [`Placed::ritz_vector`].
 pub(in crate::krylov) struct Placed {
     factorization: Factorization,
     resident: Option<Resident>,
@@ -205,7 +206,8 @@ impl Placed {
         Ok(Self { factorization, resident })
     }
 
-    /// Takes one step as [`Factorization::expand`]. After an error of the memory of the operator, the factorization is as it was at first.
+    /// Takes one step as [`Factorization::expand`]. After an error of the memory of the operator, the factorization is as it was when its
+    /// vectors were copied there.
     pub(in crate::krylov) fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step> {
         let total = self.factorization.total();
         if let Some(resident) = self.resident.take_if(|resident| resident.room <= total) {

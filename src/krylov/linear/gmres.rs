@@ -32,12 +32,13 @@ pub struct Gmres {
     is_hatted: bool,
     restart: usize,
     cycle: Cycle,
-    /// The columns that [`Cycle::basis`] would hold, in the memory of the operator, after `before` other columns. The mutex is for [`Recurrence::iterate`], which needs
-    /// the vector `w` of a solver that it does not change.
+    /// The columns that [`Cycle::basis`] would hold, in the memory of the operator, after `before` other columns. The mutex is for
+    /// [`Recurrence::iterate`], which needs the vector `w` of a solver that it does not change.
     resident: Option<Mutex<Box<dyn Vectors>>>,
     /// 2 for a diagonal preconditioner, whose [`INVERSE`] and [`HAT`] are before the basis, else 0.
     before: usize,
-    /// Whether the basis may be in the memory of the operator. Other preconditioners work on the host.
+    /// Whether the basis may be in the memory of the operator. Preconditioners that are not diagonal, or not on the right, work on the
+    /// host.
     may_reside: bool,
     hat: Vec<f64>,
     /// The largest `‖A M⁻¹ v‖` so far.
@@ -176,18 +177,18 @@ impl Gmres {
         let added = self.add_correction(&mut correction);
         self.hat = correction;
         added?;
+        if self.is_hatted {
+            system.inverse.apply(&self.hat, &mut system.work)?;
+            std::mem::swap(&mut self.hat, &mut system.work);
+        }
         if self.resident.is_some() {
             // After an error, `r` is as before.
             self.residual(&mut system.work)?;
             std::mem::swap(&mut system.r, &mut system.work);
-        }
-        if self.is_hatted {
-            system.inverse.apply(&self.hat, &mut system.work)?;
-        }
-        if self.resident.is_none() {
+        } else {
             self.residual(&mut system.r)?;
         }
-        axpy(1.0, if self.is_hatted { &system.work } else { &self.hat }, &mut system.x);
+        axpy(1.0, &self.hat, &mut system.x);
         self.started = false;
         Ok(())
     }

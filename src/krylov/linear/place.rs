@@ -68,8 +68,8 @@ fn picked<const K: usize>(columns: &[usize], (sums, norm): &Sums, with: [At; K])
 /// The vectors of the short recurrences.
 impl System {
     /// Takes the residual of the first iterate if it is not known yet: one product. Returns true if this call took the residual. Otherwise
-    /// makes the vectors of the method, unless it has them: first `left` vectors as long as `b`, then `right` vectors as long as `x`. They are in the memory of the operator if there is one. A preconditioner that is
-    /// not diagonal works on the host, and its vectors are there.
+    /// makes the vectors of the method, unless it has them: first `left` vectors as long as `b`, then `right` vectors as long as `x`. They
+    /// are in the memory of the operator if there is one. A preconditioner that is not diagonal works on the host, and its vectors are there.
     pub(super) fn begin(&mut self, operator: &mut dyn Adjoint, [left, right]: [usize; 2]) -> Result<bool> {
         if self.open(operator)? {
             return Ok(true);
@@ -230,7 +230,8 @@ impl System {
         match (of_w, &vectors[..]) {
             (Some(a), &[]) => {
                 let as_long = if w.len() == self.b.len() { &self.b } else { &self.x };
-                update(&mut w, as_long, |w, _| a * w / divisor);
+                // A vector that vanishes has zeros without a sign.
+                update(&mut w, as_long, |w, _| if a == 0.0 { 0.0 } else { a * w / divisor });
             }
             (None, &[(c, v)]) => update(&mut w, v, |_, v| c * v / divisor),
             (None, &[(c, u), (d, v)]) => update2(&mut w, u, v, |_, u, v| (c * u + d * v) / divisor),

@@ -51,7 +51,8 @@ pub(super) struct GolubKahan {
     /// The bases, while they are in the memory of the operator. Those of the host are then empty.
     resident: Option<Resident>,
     known: usize,
-    /// `w`: the next right vector, times its norm. It is there if the bases are.
+    /// `w`, which is the next right vector, times its norm, between two steps. It is out of date while the bases are in the memory of the
+    /// operator, which has its own `w`.
     work: Vec<f64>,
     /// The norm of the next right vector; zero if there is no next vector.
     length: f64,
@@ -116,7 +117,8 @@ impl GolubKahan {
     /// [`Operator::vectors`](crate::operator::Operator::vectors).
     pub(super) fn upload(&mut self, operator: &dyn Adjoint, products: usize) -> Result<()> {
         let [left, right] = [LEFT, RIGHT].map(|side| self.bases[side].len());
-        let room = left + right + products + 1;
+        // No basis has more vectors than entries.
+        let room = left + right + products.min(self.rows(LEFT) + self.rows(RIGHT)) + 1;
         if room > MOST {
             return Ok(());
         }
@@ -164,15 +166,16 @@ impl GolubKahan {
         vectors.push(divisor)
     }
 
-    /// Removes from `w` its part in the span of a basis.
-    fn orthogonalize(&mut self, side: usize) -> Result<Removed> {
+    /// Removes from `w` its part in the span of a basis. `start` has the inner products of `w` in the memory of the operator, if they are
+    /// known.
+    fn orthogonalize(&mut self, side: usize, start: Option<Sums>) -> Result<Removed> {
         let Some(Resident { vectors, columns, .. }) = &mut self.resident else {
             return Ok(orthogonalize(&self.bases[side], &mut self.work));
         };
         let (columns, total) = (&columns[side], vectors.columns());
         let of_side =
             |(sums, length): Sums| (columns.iter().map(|&column| sums[column]).collect::<Vec<f64>>(), length);
-        let start = vectors.dots_and_norm(0)?;
+        let start = start.map_or_else(|| vectors.dots_and_norm(0), Ok)?;
         orthogonalized(of_side(start), |h| {
             let mut all = vec![0.0; total];
             columns.iter().zip(h).for_each(|(&column, h)| all[column] = *h);
@@ -189,7 +192,7 @@ impl GolubKahan {
             resident.vectors.load(&self.work)?;
         }
         let before = norm(&self.work);
-        Ok([before, self.orthogonalize(side)?.norm])
+        Ok([before, self.orthogonalize(side, None)?.norm])
     }
 
     /// Continues from a random vector orthogonal to the right basis, if there is such a vector.
@@ -235,25 +238,25 @@ impl GolubKahan {
     fn multiply(&mut self, operator: &mut dyn Adjoint, from: usize) -> Result<Removed> {
         let (to, direction) =
             if from == RIGHT { (LEFT, Direction::Forward) } else { (RIGHT, Direction::Adjoint) };
-        let length = match &mut self.resident {
+        let (length, start) = match &mut self.resident {
             Some(Resident { vectors, .. }) => {
                 let count = vectors.columns();
                 operator.apply_within(&mut **vectors, count - 1, direction)?;
-                let (_, length) = vectors.dots_and_norm(count)?;
-                finite_product(&[length])?
+                let start = vectors.dots_and_norm(0)?;
+                (finite_product(&[start.1])?, Some(start))
             }
             None => {
                 self.work.resize(self.bases[to].rows(), 0.0);
                 let vector = &self.bases[from].columns()[self.bases[from].len() - 1];
                 operator.products(direction, &[vector], &mut [&mut self.work])?;
-                finite_product(&self.work)?
+                (finite_product(&self.work)?, None)
             }
         };
         let errors = if from == RIGHT { &mut self.forth_errors } else { &mut self.back_errors };
         errors.push(operator.standard_error());
         self.products += 1;
         self.scale = self.scale.max(length);
-        self.orthogonalize(to)
+        self.orthogonalize(to, start)
     }
 
     /// Takes a product with `A`, and also a product with `Aᵀ` if the first product is not in the span of the left basis. The process must
@@ -287,6 +290,8 @@ impl GolubKahan {
 
     /// Adds left vectors beyond the range of an exhausted process, so that singular values of zero also have left vectors.
     pub(super) fn complete(&mut self) -> Result<()> {
+        // The memory of the operator has no room for these vectors.
+        self.download()?;
         let rows = self.rows(LEFT);
         while self.len(LEFT) < self.steps().min(rows) {
             let [before, rest] = self.draw_beside(LEFT)?;

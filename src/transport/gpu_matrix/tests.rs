@@ -449,6 +449,25 @@ fn methods_with_the_transpose_find_on_the_device_what_they_find_on_the_host() ->
     Ok(())
 }
 
+#[test]
+fn a_dark_space_is_completed_beyond_the_room_of_the_device() -> Result<()> {
+    let resolution = Resolution::new(6, 6);
+    let rig = RigShape { camera: resolution, projector: resolution, symmetric: true };
+    let plane = (0..36).map(|pixel: u8| if pixel < 3 { 1.0 + f32::from(pixel) } else { 0.0 }).collect();
+    let matrix = TransportMatrix::new(rig, Channels::Luma, vec![plane], Vec::new().into());
+    let on_device = GpuMatrix::on(&Gpu::for_tests(), &matrix)?;
+    for products in [45, usize::MAX] {
+        let options = SingularOptions { count: 4, products, ..SingularOptions::default() };
+        let mut device = MatrixOperator::new(&matrix, Part::Full, 0).on(Some(&on_device));
+        let found = singular(&mut Within(&mut device), &options)?;
+        assert_eq!(found.stats.status, Status::SpaceExhausted);
+        for (found, expected) in found.values.iter().zip([3.0, 2.0, 1.0, 0.0]) {
+            assert!((found - expected).abs() < 1e-14, "{found}");
+        }
+    }
+    Ok(())
+}
+
 /// An operator whose products need its own memory.
 struct Within<'a>(&'a mut MatrixOperator<'a>);
 
