@@ -74,8 +74,8 @@ pub trait Operator {
     }
 
     /// The standard errors of the products in the last call of [`Operator::apply`], [`Operator::apply_block`] (or of their counterparts for
-    /// the transpose) or [`Operator::apply_within`], in order. Each standard error is the expected `‖y − A x‖₂` due to noise. The default is
-    /// empty: the products are exact, or their errors are unknown.
+    /// the transpose) or [`Operator::apply_within`], in order. Each standard error is the expected `‖y − A x‖₂` due to noise. The default
+    /// is empty: the products are exact, or their errors are unknown.
     fn standard_errors(&self) -> Vec<f64> {
         Vec::new()
     }

@@ -9,8 +9,8 @@ use crate::error::{Error, Result};
 /// The columns `V`, for example of an orthonormal basis, and a vector `w`; all have `n` entries.
 ///
 /// An operator whose products are computed in another memory ([`Operator::vectors`](super::Operator::vectors)) keeps the vectors there.
-/// Only coefficients then move at each step. After an error of that memory ([`Error::Device`]), the vectors are unspecified; after any other
-/// error, only `w` is.
+/// Only coefficients then move at each step. After an error of that memory ([`Error::Device`]), the vectors are unspecified; after any
+/// other error, only `w` is.
 pub trait Vectors: Any + Send {
     /// `n`.
     fn rows(&self) -> usize;
@@ -76,8 +76,9 @@ pub trait Vectors: Any + Send {
         Err(made_elsewhere())
     }
 
-    /// The last product that [`Operator::apply_within`](super::Operator::apply_within) computed in these vectors: `x` and `A x` or `Aᵀ x`, of all `n`
-    /// entries, also with a selection. Fails as [`Vectors::column`]. The default, for vectors in the host's memory, always fails.
+    /// The last product that [`Operator::apply_within`](super::Operator::apply_within) computed in these vectors: `x` and `A x` or `Aᵀ x`,
+    /// of all `n` entries, also with a selection. Fails as [`Vectors::column`]. The default, for vectors in the host's memory, always
+    /// fails.
     fn product(&self) -> Result<Product> {
         Err(made_elsewhere())
     }

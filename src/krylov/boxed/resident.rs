@@ -1,7 +1,7 @@
 //! A copy of a symmetric model in the memory of the operator, where its box problems are solved.
 //!
-//! An iteration of a box problem reads all patterns and products of the model, here four times. The memory of a device is many times as fast
-//! as that of the host, and only coefficients move.
+//! An iteration of a box problem reads all patterns and products of the model, here four times. The memory of a device is many times as
+//! fast as that of the host, and only coefficients move.
 
 use super::Bounds;
 use super::box_problem::{Finish, Iterates};
@@ -40,8 +40,8 @@ impl Resident {
         Self { may_reside, copy: None }
     }
 
-    /// `x ← argmin ‖M x − b‖` over the box, starting from `x`. Returns `‖M x − b‖`, or `None` with the same `x` if the operator has no memory of
-    /// its own, or if that memory lacks room, cannot combine vectors, or fails. Fails with the other errors of
+    /// `x ← argmin ‖M x − b‖` over the box, starting from `x`. Returns `‖M x − b‖`, or `None` with the same `x` if the operator has no
+    /// memory of its own, or if that memory lacks room, cannot combine vectors, or fails. Fails with the other errors of
     /// [`Operator::vectors`](crate::operator::Operator::vectors).
     pub(super) fn minimize(
         &mut self,
@@ -89,8 +89,9 @@ struct Copied {
 }
 
 impl Copied {
-    /// Copies the parts of a model that stay the same, with room for this number of products. Returns `None` if the operator has no memory of
-    /// its own, or one that lacks room or cannot combine vectors. Fails with the errors of [`Operator::vectors`](crate::operator::Operator::vectors).
+    /// Copies the parts of a model that stay the same, with room for this number of products. Returns `None` if the operator has no memory
+    /// of its own, or one that lacks room or cannot combine vectors. Fails with the errors of
+    /// [`Operator::vectors`](crate::operator::Operator::vectors).
     fn new(operator: &dyn Adjoint, root: &[f64], b: &[f64], products: usize) -> Result<Option<Self>> {
         let room = products.min(root.len());
         let columns = OTHERS + 2 * room;

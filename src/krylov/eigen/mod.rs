@@ -258,8 +258,8 @@ pub fn eigs_from(
     Ok(found.eigs(options, factorization.asymmetry(), history, stats))
 }
 
-/// The search of [`eigs_from`], with the vectors in the memory of the operator if they are `resident`. Returns the pairs, the reason for the
-/// end, and the history.
+/// The search of [`eigs_from`], with the vectors in the memory of the operator if they are `resident`. Returns the pairs, the reason for
+/// the end, and the history.
 fn search(
     factorization: &mut Factorization,
     resident: &mut Option<Resident>,

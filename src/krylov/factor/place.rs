@@ -92,8 +92,8 @@ pub(in crate::krylov) struct Resident {
 
 impl Factorization {
     /// Copies the vectors to the memory of `operator`, if it has one with room for a subspace of `steps` dimensions. Until
-    /// [`Factorization::download`], only [`Factorization::expand_resident`] may change the factorization, and the vectors in the host's memory
-    /// are out of date. Fails as [`Operator::vectors`].
+    /// [`Factorization::download`], only [`Factorization::expand_resident`] may change the factorization, and the vectors in the host's
+    /// memory are out of date. Fails as [`Operator::vectors`].
     pub(in crate::krylov) fn upload(
         &self,
         operator: &dyn Operator,

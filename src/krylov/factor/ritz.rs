@@ -160,8 +160,8 @@ impl RitzPair {
         evenly(noise, n).hypot(self.asymmetric).hypot(unresolved)
     }
 
-    /// A limit for the residual of the true operator. It includes the noise along one direction only, and combines two terms: the part of the
-    /// residual that the stated errors of the products do not explain, and the component of these errors along any one direction of the
+    /// A limit for the residual of the true operator. It includes the noise along one direction only, and combines two terms: the part of
+    /// the residual that the stated errors of the products do not explain, and the component of these errors along any one direction of the
     /// space. If no errors are stated, the limit is the residual itself.
     pub fn beyond_noise(&self, n: usize) -> f64 {
         let unexplained = (self.residual * self.residual - self.noise * self.noise).max(0.0);

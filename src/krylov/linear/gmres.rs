@@ -18,10 +18,11 @@ use crate::operator::{Adjoint, Direction, Sums, Vectors};
 /// (`M⁻¹ A x = M⁻¹ b`), it minimizes `‖M⁻¹ r‖`. It then also keeps the products, to report the true residual without a further product. The
 /// flexible form ([`Gmres::flexible`], FGMRES) keeps each preconditioned vector, and `M` may differ from step to step.
 ///
-/// `‖r‖` (or `‖M⁻¹ r‖` with the preconditioner on the left) falls monotonically, also across restarts, unless the memory of the operator fails. The method needs no transpose. A
-/// step takes one product; a restart takes no product. The basis is orthonormal to working precision. The method ends with
-/// [`Status::Breakdown`] if the Krylov space is invariant and contains no solution (a singular `A`). After `k` steps since the last
-/// restart, the method stores `k + 1` basis vectors; `k` more if flexible or preconditioned on the left; `b, x, r` and three work vectors.
+/// `‖r‖` (or `‖M⁻¹ r‖` with the preconditioner on the left) falls monotonically, also across restarts, unless the memory of the operator
+/// fails. The method needs no transpose. A step takes one product; a restart takes no product. The basis is orthonormal to working
+/// precision. The method ends with [`Status::Breakdown`] if the Krylov space is invariant and contains no solution (a singular `A`). After
+/// `k` steps since the last restart, the method stores `k + 1` basis vectors; `k` more if flexible or preconditioned on the left; `b, x, r`
+/// and three work vectors.
 ///
 /// References: Saad and Schultz (1986), doi:10.1137/0907058; flexible: Saad (1993), doi:10.1137/0914028. O'Toole and Kutulakos propose it
 /// for light transport compensation (sections 6.1 and 6.2). Their results are by MINRES (section 8.3).
@@ -232,8 +233,8 @@ impl Gmres {
         Ok(settled(system, residual, is_invariant))
     }
 
-    /// Adds a product of this length, which the basis has been removed from, to the cycle. Returns the new residual norm, and whether the space
-    /// is invariant, or `None` if the product adds nothing.
+    /// Adds a product of this length, which the basis has been removed from, to the cycle. Returns the new residual norm, and whether the
+    /// space is invariant, or `None` if the product adds nothing.
     fn grow(&mut self, length: f64, removed: Removed) -> Option<(f64, bool)> {
         // If the vector is in the span of the basis, orthogonalization leaves only rounding errors.
         let tiny = 10.0 * f64::EPSILON * length;

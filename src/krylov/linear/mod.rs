@@ -329,8 +329,9 @@ impl Solver {
         x.map(|x| self.system.undivided(x))
     }
 
-    /// The best iterate so far, of length `cols`. Its residual norm is [`Tally::best`]. Takes no product. If the memory in which the vectors
-    /// are fails, or the preconditioner, the result is the first iterate, or with GMRES that of the last restart; its residual is larger.
+    /// The best iterate so far, of length `cols`. Its residual norm is [`Tally::best`]. Takes no product. If the memory in which the
+    /// vectors are fails, or the preconditioner, the result is the first iterate, or with GMRES that of the last restart; its residual is
+    /// larger.
     pub fn solution(&self) -> Vec<f64> {
         let x = self.recurrence.iterate(&self.system).unwrap_or_else(|_| self.system.x.clone());
         self.system.undivided(x)

@@ -69,7 +69,8 @@ fn picked<const K: usize>(columns: &[usize], (sums, norm): &Sums, with: [At; K])
 impl System {
     /// Takes the residual of the first iterate if it is not known yet: one product. Returns true if this call took the residual. Otherwise
     /// makes the vectors of the method, unless it has them: first `left` vectors as long as `b`, then `right` vectors as long as `x`. They
-    /// are in the memory of the operator if there is one. A preconditioner that is not diagonal works on the host, and its vectors are there.
+    /// are in the memory of the operator if there is one. A preconditioner that is not diagonal works on the host, and its vectors are
+    /// there.
     pub(super) fn begin(&mut self, operator: &mut dyn Adjoint, [left, right]: [usize; 2]) -> Result<bool> {
         if self.open(operator)? {
             return Ok(true);
@@ -301,8 +302,8 @@ impl System {
         Ok(self.dots([])?.norm)
     }
 
-    /// Returns the place of `M⁻¹ v`: `to`, or `v` itself if there is no preconditioner. Overwrites `w` if the vectors are in the memory of the
-    /// operator, unless `v` is `w`.
+    /// Returns the place of `M⁻¹ v`: `to`, or `v` itself if there is no preconditioner. Overwrites `w` if the vectors are in the memory of
+    /// the operator, unless `v` is `w`.
     pub(super) fn preconditioned(&mut self, v: At, to: At) -> Result<At> {
         if self.inverse.is_identity() {
             return Ok(v);

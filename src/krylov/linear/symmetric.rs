@@ -128,11 +128,12 @@ const RISE: f64 = 1e-14;
 /// With a symmetric positive definite `M`, the method minimizes `‖b − A x‖` in the norm of `M⁻¹`. It is MINRES on `M^-½ A M^-½` without
 /// computing the roots, so symmetry is kept. With `M = D`, this scales the system symmetrically.
 ///
-/// `‖r‖` in the norm of `M⁻¹` falls monotonically, unless the memory of the operator fails. Without a preconditioner, this norm is the reported residual. With a preconditioner, the
-/// best iterate in the 2-norm is returned. The true residual comes from a recurrence and costs no product. A step takes one product. The
-/// method ends where `‖A r‖` vanishes (a least-squares solution of a singular system). It also ends where `v_{j−1}ᵀ A v_j` differs from
-/// `β_j` by more than rounding or noise (the operator is not symmetric). The method stores nine `n`-vectors: `b, x`, the best `x`, `r`,
-/// two Lanczos vectors, two directions, and a product; with a preconditioner also three preconditioned Lanczos vectors.
+/// `‖r‖` in the norm of `M⁻¹` falls monotonically, unless the memory of the operator fails. Without a preconditioner, this norm is the
+/// reported residual. With a preconditioner, the best iterate in the 2-norm is returned. The true residual comes from a recurrence and
+/// costs no product. A step takes one product. The method ends where `‖A r‖` vanishes (a least-squares solution of a singular system). It
+/// also ends where `v_{j−1}ᵀ A v_j` differs from `β_j` by more than rounding or noise (the operator is not symmetric). The method stores
+/// nine `n`-vectors: `b, x`, the best `x`, `r`, two Lanczos vectors, two directions, and a product; with a preconditioner also three
+/// preconditioned Lanczos vectors.
 ///
 /// References: Paige and Saunders (1975), doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements and Fast
 /// Iterative Solvers*, algorithm 4.1, doi:10.1093/acprof:oso/9780199678792.001.0001. O'Toole and Kutulakos introduce it for light transport

@@ -98,8 +98,8 @@ impl Tally {
         Ok(())
     }
 
-    /// Takes `w = A v`, or `w = Aᵀ v`, for a column `v`, about of norm `size`, of vectors in the memory of the operator, and counts it. Returns `Vᵀ w` and
-    /// `‖w‖`. Fails with [`Error::Device`], and refuses that memory, if the operator is not of ordinary size.
+    /// Takes `w = A v`, or `w = Aᵀ v`, for a column `v`, about of norm `size`, of vectors in the memory of the operator, and counts it.
+    /// Returns `Vᵀ w` and `‖w‖`. Fails with [`Error::Device`], and refuses that memory, if the operator is not of ordinary size.
     pub(super) fn product_within(
         &mut self,
         operator: &mut dyn Adjoint,

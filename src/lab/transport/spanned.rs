@@ -1,7 +1,8 @@
 //! Products that follow from the photos of a run by linearity.
 //!
-//! The patterns of a Krylov process repeat to the bit on one machine, and only to rounding on another, or with vectors in another memory. The
-//! patterns of the second process still lie in the span of the patterns of the first, so the photos of the first determine their products.
+//! The patterns of a Krylov process repeat to the bit on one machine, and only to rounding on another, or with vectors in another memory.
+//! The patterns of the second process still lie in the span of the patterns of the first, so the photos of the first determine their
+//! products.
 
 use rayon::prelude::*;
 
