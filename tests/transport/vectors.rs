@@ -14,14 +14,14 @@ use krylux::journal::{Journal, Kind};
 use krylux::krylov::{
     Completeness, Confirm, Diagonal, Eigs, EigsMethod, EigsOptions, Factorization, ForwardOnly, METHODS,
     Method, MethodFacts, PairStatus, SingularOptions, Solution, SolveOptions, Start, Status, confirm, dot,
-    eigs, eigs_from, norm, singular, solve, solve_from,
+    eigs, eigs_from, norm, singular, solve, solve_adjoint, solve_from,
 };
 use krylux::lab::{Lab, RunOptions, Settings, SharedObserver};
 use krylux::observer::{Level, Observer, OnStep, PhotoTaken, Step};
 use krylux::operator::{
-    Closure, Direction, Observed, Operator, Product, Selection, Settling, Sums, Symmetry, Vectors,
+    Adjoint, Closure, Direction, Observed, Operator, Product, Selection, Settling, Sums, Symmetry, Vectors,
 };
-use krylux::render::Tracer;
+use krylux::render::{TraceSettings, Tracer};
 use krylux::transport::{Assembled, Backend, Channels, MatrixOperator, Part};
 use krylux::{Error, Result};
 
@@ -247,6 +247,13 @@ impl Operator for Watched<'_> {
         limited.call()?;
         self.inner.apply_within(&mut *limited.inner, column, direction)?;
         if self.interrupted == Some(self.within) { Err(Error::Interrupted) } else { Ok(()) }
+    }
+}
+
+impl Adjoint for Watched<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.with_host += 1;
+        self.inner.apply_adjoint(y, x)
     }
 }
 
@@ -672,6 +679,73 @@ fn every_solver_finds_on_the_device_what_it_finds_on_the_host() {
 }
 
 #[test]
+fn methods_with_the_transpose_find_on_the_device_what_they_find_on_the_host() {
+    // As many pixels of the projector as of the camera, and a matrix that is not symmetric.
+    let mut tracer = tracer(&load("cornell"));
+    let projector = Some(Resolution::new(32, 8));
+    let settings = TraceSettings { projector, ..settings(16, 24, 6, 7) };
+    let mut assembled = trace(&mut tracer, settings, Channels::Luma);
+    let b: Vec<f64> = (0..256).map(|i| 0.2 + (i as f64 * 0.37).sin().abs()).collect();
+    let options = SolveOptions { products: 9, rtol: 0.0, ..SolveOptions::default() };
+    let of = SingularOptions { count: 2, tolerance: 1e-6, products: 60, ..SingularOptions::default() };
+    let methods = [Method::Lsqr, Method::Lsmr];
+    let solved = |operator: &mut dyn Adjoint, method| solve_adjoint(method, operator, &b, &options);
+    let on_host =
+        methods.map(|method| solved(&mut assembled.operator(Part::Full, 0), method).expect("9 products"));
+    let host = singular(&mut assembled.operator(Part::Full, 0), &of).expect("the products are taken");
+    assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+    for (method, host) in methods.into_iter().zip(&on_host) {
+        let mut watched = Watched::new(assembled.operator(Part::Full, 0));
+        let device = solved(&mut watched, method).expect("9 products");
+        assert_eq!((watched.within, watched.with_host), (9, 0), "{method:?}");
+        for (host, device) in host.history.iter().zip(&device.history) {
+            // Rounding of products and sums, relative to 1. Later steps multiply it, because both methods lose orthogonality.
+            let apart = (host.residual - device.residual).abs();
+            assert!(apart < 1e-12, "{method:?}, product {}: {apart:e}", host.products);
+        }
+        assert!(device.residual < 0.9, "{method:?}: {}", device.residual);
+    }
+    let found = || {
+        let mut watched = Watched::new(assembled.operator(Part::Full, 0));
+        let found = singular(&mut watched, &of).expect("the products are taken");
+        let products = found.stats.products + found.confirming;
+        assert_eq!((watched.within, watched.with_host), (products, 0));
+        found
+    };
+    let device = found();
+    assert_eq!((host.stats, host.confirming), (device.stats, device.confirming));
+    assert_eq!(device.stats.status, Status::ReachedTolerance);
+    assert!(device.confirming > 0 && device.disagreement < 1e-14, "{:e}", device.disagreement);
+    for pair in 0..2 {
+        let apart = (host.values[pair] - device.values[pair]).abs();
+        let rounding = 100.0 * f64::EPSILON * host.values[0];
+        assert!(apart <= host.residuals[pair] + device.residuals[pair] + rounding, "pair {pair}: {apart:e}");
+        // `A v = σ u` to the stated residual, by a product on the processor.
+        let mut photo = vec![0.0; b.len()];
+        assembled.matrix.apply(Part::Full, 0, &device.right[pair], &mut photo);
+        photo.iter_mut().zip(&device.left[pair]).for_each(|(y, u)| *y -= device.values[pair] * u);
+        let stated = std::f64::consts::SQRT_2 * device.residuals[pair];
+        assert!(norm(&photo) <= stated + 1e-12 * device.values[0], "pair {pair}: {:e}", norm(&photo));
+    }
+    let again = found();
+    assert!(again.right == device.right && again.left == device.left, "the same bits again");
+}
+
+#[test]
+fn the_left_vectors_of_a_dark_operator_need_no_room_on_the_device() {
+    let (tracer, mut assembled) = scene("corner", 4);
+    assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+    // The right vectors span the space, and as many left vectors follow.
+    for products in [20, usize::MAX] {
+        let options = SingularOptions { count: 3, products, ..SingularOptions::default() };
+        let mut dark = Times(assembled.operator(Part::Full, 0), 0.0);
+        let found = singular(&mut ForwardOnly(&mut dark), &options).expect("there is room");
+        assert_eq!((found.stats.status, found.values), (Status::SpaceExhausted, vec![0.0; 3]));
+        assert!(found.left.iter().all(|left| (norm(left) - 1.0).abs() < 1e-14));
+    }
+}
+
+#[test]
 fn solvers_go_on_after_more_products_are_allowed_and_after_their_device_failed() {
     let (tracer, mut assembled) = scene("cornell", 16);
     let b = photo_of_a_ramp(&assembled);
@@ -821,9 +895,12 @@ fn krylov_box_solves_its_box_problems_on_the_device_and_goes_on_without_it() {
 }
 
 /// `2^200 A`, which methods divide by a power of two.
-struct Huge<'a>(MatrixOperator<'a>);
+const HUGE: f64 = (1_u128 << 100) as f64 * (1_u128 << 100) as f64;
 
-impl Operator for Huge<'_> {
+/// A matrix times a number.
+struct Times<'a>(MatrixOperator<'a>, f64);
+
+impl Operator for Times<'_> {
     fn rows(&self) -> usize {
         self.0.rows()
     }
@@ -838,7 +915,7 @@ impl Operator for Huge<'_> {
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.0.apply(x, y)?;
-        y.iter_mut().for_each(|y| *y *= 2.0_f64.powi(200));
+        y.iter_mut().for_each(|y| *y *= self.1);
         Ok(())
     }
 
@@ -848,7 +925,7 @@ impl Operator for Huge<'_> {
 
     fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize, direction: Direction) -> Result<()> {
         self.0.apply_within(vectors, column, direction)?;
-        let scaled: Vec<f64> = vectors.work()?.iter().map(|w| w * 2.0_f64.powi(200)).collect();
+        let scaled: Vec<f64> = vectors.work()?.iter().map(|w| w * self.1).collect();
         vectors.load(&scaled)
     }
 }
@@ -864,7 +941,7 @@ fn products_beyond_ordinary_size_are_taken_with_the_host() {
     for method in RESIDENT {
         let of_ordinary =
             solve(method, &mut assembled.operator(Part::Full, 0), &b, &whole).expect("12 products");
-        let mut huge = Huge(assembled.operator(Part::Full, 0));
+        let mut huge = Times(assembled.operator(Part::Full, 0), HUGE);
         // One product within the device shows that the operator is huge.
         let more = SolveOptions { products: 13, ..whole.clone() };
         let of_huge = solve(method, &mut huge, &b, &more).expect("13 products");
@@ -874,10 +951,10 @@ fn products_beyond_ordinary_size_are_taken_with_the_host() {
         let of_one = solve(method, &mut huge, &b, &one).expect("one product");
         assert_eq!((of_one.stats.products, of_one.history.len()), (1, 1), "{method:?}");
     }
-    let huge =
-        eigs(&mut Huge(assembled.operator(Part::Global, 0)), &options).expect("the process finds pairs");
+    let huge = eigs(&mut Times(assembled.operator(Part::Global, 0), HUGE), &options)
+        .expect("the process finds pairs");
     for (huge, ordinary) in huge.values.iter().zip(&ordinary.values) {
-        assert!((huge / 2.0_f64.powi(200) / ordinary - 1.0).abs() < 1e-9, "{huge:e} {ordinary:e}");
+        assert!((huge / HUGE / ordinary - 1.0).abs() < 1e-9, "{huge:e} {ordinary:e}");
     }
 }
 

@@ -5,10 +5,9 @@ use rand_pcg::Pcg64;
 
 use super::*;
 use crate::image::{Image, Resolution};
-use crate::krylov::{Method, SingularOptions, SolveOptions, Status, norm, singular, solve_adjoint};
-use crate::operator::{Adjoint, Operator, Settling, Vectors, delegate};
+use crate::operator::{Settling, Vectors};
 use crate::render::TraceSummary;
-use crate::transport::{Assembled, Bounces, Channels, CompressedRows, MatrixOperator};
+use crate::transport::{Assembled, Bounces, Channels, CompressedRows};
 
 /// Rows in three channels with `per_row` entries on average. Some are empty, and some are very long.
 fn rows(random: &mut Pcg64, [rows, cols]: [usize; 2], per_row: usize) -> CompressedRows {
@@ -57,13 +56,9 @@ pub(in crate::transport) fn coaxial() -> Assembled {
 
 /// A rig whose projector is beside the camera and has fewer pixels. Direct light is a layer.
 fn apart() -> TransportMatrix {
-    beside(Resolution::new(19, 23))
-}
-
-/// A rig whose projector is beside the camera.
-fn beside(projector: Resolution) -> TransportMatrix {
     let random = &mut Pcg64::seed_from_u64(2);
-    let rig = RigShape { camera: Resolution::new(33, 21), projector, symmetric: false };
+    let rig =
+        RigShape { camera: Resolution::new(33, 21), projector: Resolution::new(19, 23), symmetric: false };
     let shape = [rig.camera.pixels(), rig.projector.pixels()];
     let layers = [(Bounces::One, 2), (Bounces::Global, 50)]
         .map(|(bounces, per_row)| Layer::new(bounces, shape[1], vec![rows(random, shape, per_row)]));
@@ -402,85 +397,4 @@ fn products_within_the_device_are_those_with_the_host() -> Result<()> {
     assert!(on_device.multiply_within(&assembled.matrix, product(Part::Full), &mut unrelated, 0).is_err());
     assert!(GpuMatrix::on(&gpu, &apart())?.vectors(3, None)?.is_none(), "the rig's matrix is not square");
     Ok(())
-}
-
-#[test]
-fn methods_with_the_transpose_find_on_the_device_what_they_find_on_the_host() -> Result<()> {
-    let matrix = beside(Resolution::new(21, 33));
-    let on_device = GpuMatrix::on(&Gpu::for_tests(), &matrix)?;
-    let b = signed(&mut Pcg64::seed_from_u64(8), 33 * 21);
-    let options = SolveOptions { products: 9, rtol: 0.0, ..SolveOptions::default() };
-    for method in [Method::Lsqr, Method::Lsmr] {
-        let mut host = MatrixOperator::new(&matrix, Part::Full, 1);
-        let mut device = MatrixOperator::new(&matrix, Part::Full, 1).on(Some(&on_device));
-        let host = solve_adjoint(method, &mut host, &b, &options)?;
-        let device = solve_adjoint(method, &mut Within(&mut device), &b, &options)?;
-        assert_eq!(host.stats, device.stats);
-        for (host, device) in host.history.iter().zip(&device.history) {
-            // Rounding of products and sums, relative to 1. Later steps multiply it, because both methods lose orthogonality.
-            let apart = (host.residual - device.residual).abs();
-            assert!(apart < 1e-12, "{method:?}, product {}: {apart:e}", host.products);
-        }
-        assert!(device.residual < 0.99, "{method:?}: {}", device.residual);
-    }
-    let options = SingularOptions { count: 2, tolerance: 1e-6, products: 100, ..SingularOptions::default() };
-    let host = singular(&mut MatrixOperator::new(&matrix, Part::Full, 1), &options)?;
-    let found = || {
-        let mut device = MatrixOperator::new(&matrix, Part::Full, 1).on(Some(&on_device));
-        singular(&mut Within(&mut device), &options)
-    };
-    let device = found()?;
-    assert_eq!((host.stats, host.confirming), (device.stats, device.confirming));
-    assert_eq!(device.stats.status, Status::ReachedTolerance);
-    assert!(device.confirming > 0 && device.disagreement < 1e-14, "{:e}", device.disagreement);
-    for pair in 0..2 {
-        let apart = (host.values[pair] - device.values[pair]).abs();
-        assert!(apart <= host.residuals[pair] + device.residuals[pair], "pair {pair}: {apart:e}");
-        // `A v = σ u` to the stated residual, by a product on the processor.
-        let mut photo = vec![0.0; b.len()];
-        MatrixOperator::new(&matrix, Part::Full, 1).apply(&device.right[pair], &mut photo)?;
-        photo.iter_mut().zip(&device.left[pair]).for_each(|(y, u)| *y -= device.values[pair] * u);
-        let misfit = norm(&photo);
-        let stated = std::f64::consts::SQRT_2 * device.residuals[pair];
-        assert!(misfit <= stated + 1e-12 * device.values[0], "pair {pair}: {misfit:e} {stated:e}");
-    }
-    let again = found()?;
-    assert!(again.right == device.right && again.left == device.left, "the same bits again");
-    Ok(())
-}
-
-#[test]
-fn a_dark_space_is_completed_beyond_the_room_of_the_device() -> Result<()> {
-    let resolution = Resolution::new(6, 6);
-    let rig = RigShape { camera: resolution, projector: resolution, symmetric: true };
-    let plane = (0..36).map(|pixel: u8| if pixel < 3 { 1.0 + f32::from(pixel) } else { 0.0 }).collect();
-    let matrix = TransportMatrix::new(rig, Channels::Luma, vec![plane], Vec::new().into());
-    let on_device = GpuMatrix::on(&Gpu::for_tests(), &matrix)?;
-    for products in [45, usize::MAX] {
-        let options = SingularOptions { count: 4, products, ..SingularOptions::default() };
-        let mut device = MatrixOperator::new(&matrix, Part::Full, 0).on(Some(&on_device));
-        let found = singular(&mut Within(&mut device), &options)?;
-        assert_eq!(found.stats.status, Status::SpaceExhausted);
-        for (found, expected) in found.values.iter().zip([3.0, 2.0, 1.0, 0.0]) {
-            assert!((found - expected).abs() < 1e-14, "{found}");
-        }
-    }
-    Ok(())
-}
-
-/// An operator whose products need its own memory.
-struct Within<'a>(&'a mut MatrixOperator<'a>);
-
-impl Operator for Within<'_> {
-    delegate!(0: rows, cols, symmetry, vectors, confirming);
-
-    fn apply_block(&mut self, _: &[&[f64]], _: &mut [&mut [f64]]) -> Result<()> {
-        unreachable!("the vectors stay on the device")
-    }
-}
-
-impl Adjoint for Within<'_> {
-    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
-        self.apply_block(ys, xs)
-    }
 }
