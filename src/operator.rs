@@ -203,7 +203,8 @@ macro_rules! delegate {
         ) -> $crate::error::Result<Option<Box<dyn $crate::operator::Vectors>>> {
             $crate::operator::inner!(self, $field).vectors(columns, selection)
         }
-
+    };
+    (@apply_within $field:tt) => {
         fn apply_within(
             &mut self,
             vectors: &mut dyn $crate::operator::Vectors,
@@ -272,7 +273,7 @@ macro_rules! forward {
     ($($pointer:ty),*) => { $(
         impl<O: Operator + ?Sized> Operator for $pointer {
             delegate!(deref: rows, cols, symmetry, apply, block_size, observer);
-            delegate!(deref: standard_errors, variances, frames, common_error, confirming, vectors);
+            delegate!(deref: standard_errors, variances, frames, common_error, confirming, vectors, apply_within);
         }
 
         impl<O: Adjoint + ?Sized> Adjoint for $pointer {

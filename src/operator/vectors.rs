@@ -122,6 +122,16 @@ pub(crate) fn can_combine(vectors: &mut dyn Vectors, last: usize) -> Result<bool
     }
 }
 
+/// `sum ← sum + V y`, over the columns from `first`, one for each coefficient. Overwrites `w`. After an error of the memory, `sum` is
+/// unchanged.
+pub(crate) fn accumulate(vectors: &mut dyn Vectors, first: usize, y: &[f64], sum: &mut [f64]) -> Result<()> {
+    vectors.load(sum)?;
+    let h: Vec<f64> = std::iter::repeat_n(0.0, first).chain(y.iter().map(|y| -y)).collect();
+    vectors.remove(&h)?;
+    sum.copy_from_slice(&vectors.work()?);
+    Ok(())
+}
+
 /// Computes `‖w‖` from the known value of `wᵀw`, without intermediate overflow or underflow.
 pub(crate) fn norm_of_square(square: f64, w: &[f64]) -> f64 {
     if is_ordinary(square) {

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 
-use super::{Adjoint, Direction, Operator, Selection, Vectors, delegate};
+use super::{Adjoint, Direction, Operator, Vectors, delegate};
 use crate::error::Result;
 use crate::observer::{Level, Observer, PhotoTaken, Step};
 
@@ -43,7 +43,7 @@ impl<'a, O: ?Sized> Observed<'a, O> {
 
 impl<O: Operator + ?Sized> Operator for Observed<'_, O> {
     delegate!(operator: rows, cols, symmetry, apply, block_size, standard_errors, variances, common_error, frames, confirming);
-    delegate!(operator: vectors);
+    delegate!(operator: vectors, apply_within);
 
     fn observer(&self) -> &dyn Observer {
         self.observer
@@ -104,7 +104,7 @@ where
     F: FnMut(&dyn Observer, &Step<'_>) -> ControlFlow<()>,
 {
     delegate!(operator: rows, cols, symmetry, apply, block_size, standard_errors, variances, common_error, frames, confirming);
-    delegate!(operator: vectors);
+    delegate!(operator: vectors, apply_within);
 
     fn observer(&self) -> &dyn Observer {
         self
@@ -170,15 +170,12 @@ impl<'a, O: Operator + ?Sized> Recorded<'a, O> {
 
 impl<O: Operator + ?Sized> Operator for Recorded<'_, O> {
     delegate!(operator: rows, cols, symmetry, block_size, observer, standard_errors, variances, common_error, frames);
+    delegate!(operator: vectors);
 
     fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
         self.operator.apply_block(xs, ys)?;
         self.record(xs, ys);
         Ok(())
-    }
-
-    fn vectors(&self, columns: usize, selection: Option<Selection<'_>>) -> Result<Option<Box<dyn Vectors>>> {
-        self.operator.vectors(columns, selection)
     }
 
     fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize, direction: Direction) -> Result<()> {

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::krylov::{dot, norm};
-use crate::operator::{Adjoint, Direction, Operator, Product, Selection, Vectors, delegate};
+use crate::operator::{Adjoint, Direction, Operator, Product, Vectors, delegate};
 
 /// An operator whose products with the transpose bound the residual from below. Each vector `r` with `w = Aᵀ r` separates `b` from the
 /// photos of all patterns `z` in the box, because
@@ -43,11 +43,7 @@ impl<'a> Bounded<'a> {
 
 impl Operator for Bounded<'_> {
     delegate!(operator: rows, cols, symmetry, apply, block_size, observer, standard_errors, common_error);
-    delegate!(operator: frames, confirming);
-
-    fn vectors(&self, columns: usize, selection: Option<Selection<'_>>) -> Result<Option<Box<dyn Vectors>>> {
-        self.operator.vectors(columns, selection)
-    }
+    delegate!(operator: frames, confirming, vectors);
 
     fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize, direction: Direction) -> Result<()> {
         self.operator.apply_within(vectors, column, direction)?;

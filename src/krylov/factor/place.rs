@@ -7,6 +7,7 @@ use std::ops::Deref;
 use super::{Factorization, RitzPair, Step, point_upwards};
 use crate::error::{Error, Result};
 use crate::krylov::basis::{Basis, Removed, orthogonalized};
+use crate::operator::vectors::accumulate;
 use crate::operator::{Direction, Operator, Settling, Sums, Vectors};
 
 /// Vectors in the host's memory.
@@ -226,10 +227,8 @@ impl Placed {
         let Some(Resident { vectors, .. }) = &mut self.resident else {
             return Ok(self.factorization.ritz_vector(pair));
         };
-        vectors.load(&vec![0.0; self.factorization.n()])?;
-        let of_known = std::iter::repeat_n(0.0, self.factorization.known);
-        vectors.remove(&of_known.chain(pair.coefficients.iter().map(|s| -s)).collect::<Vec<f64>>())?;
-        let mut vector = vectors.work()?.into_owned();
+        let mut vector = vec![0.0; self.factorization.n()];
+        accumulate(&mut **vectors, self.factorization.known, &pair.coefficients, &mut vector)?;
         point_upwards(&mut vector);
         Ok(vector)
     }

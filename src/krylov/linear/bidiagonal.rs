@@ -83,7 +83,7 @@ impl Bidiagonal {
             self.next = Next::Adjoint;
             return Ok(Half::Forward);
         }
-        system.multiply_adjoint(operator, (U, 1.0), [])?;
+        system.multiply_adjoint(operator, U)?;
         let half = if self.alpha == 0.0 { Half::First } else { Half::Adjoint };
         // Before the first product, both α and v are 0.
         let beta = if half == Half::First { 0.0 } else { self.beta };

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::krylov::basis::{Removed, axpy, norm, orthogonalize, orthogonalized};
 use crate::krylov::completeness::Status;
 use crate::krylov::factor::MOST;
-use crate::operator::vectors::can_combine;
+use crate::operator::vectors::{accumulate, can_combine};
 use crate::operator::{Adjoint, Direction, Sums, Vectors};
 
 /// GMRES(m): solves `min ‖b − A x‖₂` over the Krylov space, for any square `A` of `n × n`.
@@ -80,7 +80,7 @@ impl Gmres {
         let steps = options.products.min(restart).min(n);
         let kept = if flexible || side == Side::Left { steps } else { 0 };
         let is_hatted = !flexible && side == Side::Right && options.preconditioner.is_some();
-        let is_diagonal = is_hatted && system.inverse.diagonal().is_some();
+        let is_diagonal = is_hatted && system.inverse.is_diagonal();
         let before = if is_diagonal { 2 } else { 0 };
         let recurrence = Self {
             side,
@@ -120,8 +120,8 @@ impl Gmres {
         if let Some(resident) = self.resident.as_mut().filter(|_| length > 0.0) {
             let vectors = &mut **own(resident);
             vectors.clear();
-            if let Some(diagonal) = system.inverse.diagonal() {
-                vectors.load(&diagonal.iter().map(|d| d.recip()).collect::<Vec<f64>>())?;
+            if let Some(inverse) = system.inverse.diagonal() {
+                vectors.load(&inverse)?;
                 (0..self.before).try_for_each(|_| vectors.push(1.0))?;
             }
             vectors.load(&self.hat)?;
@@ -148,15 +148,7 @@ impl Gmres {
             return Ok(());
         };
         let mut vectors = resident.lock().unwrap_or_else(PoisonError::into_inner);
-        vectors.load(sum)?;
-        vectors.remove(&self.padded(y.iter().map(|y| -y)))?;
-        sum.copy_from_slice(&vectors.work()?);
-        Ok(())
-    }
-
-    /// Coefficients of all columns in the memory of the operator, for those of the basis.
-    fn padded(&self, of_basis: impl Iterator<Item = f64>) -> Vec<f64> {
-        std::iter::repeat_n(0.0, self.before).chain(of_basis).collect()
+        accumulate(&mut **vectors, self.before, y, sum)
     }
 
     /// Adds the correction of `x` to `sum`, before the preconditioner.
@@ -220,7 +212,9 @@ impl Gmres {
         let product = system.tally.product_within(operator, vectors, (column, Direction::Forward, 1.0))?;
         let length = product.1;
         let removed = orthogonalized(of_basis(product), |h| {
-            vectors.remove_and_dot(&self.padded(h.iter().copied())).map(of_basis)
+            let mut of_all = vec![0.0; before];
+            of_all.extend(h);
+            vectors.remove_and_dot(&of_all).map(of_basis)
         })?;
         let left = removed.norm;
         let Some((residual, is_invariant)) = self.grow(length, removed) else {

@@ -21,7 +21,7 @@ use super::completeness::{Stats, Status};
 use super::precondition::Preconditioner;
 use crate::error::{Error, Result};
 use crate::observer::{Estimate, Step};
-use crate::operator::{Adjoint, Direction, Operator, Selection, Symmetry, Vectors, delegate};
+use crate::operator::{Adjoint, Direction, Operator, Symmetry, Vectors, delegate};
 
 pub use biconjugate::{BiCgStab, Cgs};
 pub use bidiagonal::{Lsmr, Lsqr};
@@ -250,11 +250,7 @@ impl ForwardOnly<'_> {
 }
 
 impl Operator for ForwardOnly<'_> {
-    delegate!(0: rows, cols, symmetry, apply, block_size, observer, standard_errors, frames);
-
-    fn vectors(&self, columns: usize, selection: Option<Selection<'_>>) -> Result<Option<Box<dyn Vectors>>> {
-        self.0.vectors(columns, selection)
-    }
+    delegate!(0: rows, cols, symmetry, apply, block_size, observer, standard_errors, frames, vectors);
 
     fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize, direction: Direction) -> Result<()> {
         if direction == Direction::Adjoint {

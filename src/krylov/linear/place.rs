@@ -79,7 +79,7 @@ impl System {
             return Ok(false);
         }
         let is_ordinary = self.tally.operator_power.unwrap_or(0) == 0;
-        let is_simple = self.inverse.is_identity() || self.inverse.diagonal().is_some();
+        let is_simple = self.inverse.is_identity() || self.inverse.is_diagonal();
         if !self.has_left && is_ordinary && is_simple {
             self.has_left = true;
             if let Some(vectors) = self.upload(operator, left + right)? {
@@ -96,7 +96,7 @@ impl System {
     /// Copies the vectors to the memory of the operator, if it has one that can combine them. With a preconditioner, the inverse of its
     /// diagonal and a spare column follow.
     fn upload(&self, operator: &dyn Adjoint, own: usize) -> Result<Option<Box<dyn Vectors>>> {
-        let inverse = self.inverse.diagonal().map(|d| d.iter().map(|d| d.recip()).collect::<Vec<f64>>());
+        let inverse = self.inverse.diagonal();
         let columns = COMMON + own + if inverse.is_some() { 2 } else { 0 };
         let Some(mut vectors) = operator.vectors(columns, None)? else { return Ok(None) };
         vectors.load(&self.x)?;
@@ -159,14 +159,9 @@ impl System {
         self.multiply_in(Direction::Forward, operator, of, with)
     }
 
-    /// `w ← Aᵀ u`, as [`System::multiply`].
-    pub(super) fn multiply_adjoint<const K: usize>(
-        &mut self,
-        operator: &mut dyn Adjoint,
-        of: (At, f64),
-        with: [At; K],
-    ) -> Result<Dots<K>> {
-        self.multiply_in(Direction::Adjoint, operator, of, with)
+    /// `w ← Aᵀ u`, for a vector `u` of length 1.
+    pub(super) fn multiply_adjoint(&mut self, operator: &mut dyn Adjoint, u: At) -> Result<()> {
+        self.multiply_in(Direction::Adjoint, operator, (u, 1.0), []).map(drop)
     }
 
     fn multiply_in<const K: usize>(

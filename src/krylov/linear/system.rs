@@ -185,9 +185,15 @@ impl Inverse {
         self.0.is_none()
     }
 
-    /// The diagonal of `M`, if `M` is diagonal and not the identity.
-    pub(super) fn diagonal(&self) -> Option<&[f64]> {
-        self.0.as_ref().and_then(|m| m.diagonal())
+    /// Whether `M` is diagonal, and not the identity.
+    pub(super) fn is_diagonal(&self) -> bool {
+        self.0.as_ref().is_some_and(|m| m.diagonal().is_some())
+    }
+
+    /// The diagonal of `M⁻¹`, if `M` is diagonal and not the identity.
+    pub(super) fn diagonal(&self) -> Option<Vec<f64>> {
+        let diagonal = self.0.as_ref().and_then(|m| m.diagonal())?;
+        Some(diagonal.iter().map(|d| d.recip()).collect())
     }
 
     /// `z ← M⁻¹ r`.
