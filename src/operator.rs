@@ -109,6 +109,19 @@ pub trait Operator {
         false
     }
 
+    /// The claim about this operator that [`Operator::keep_claim`] kept for this question, if there is one. An operator keeps claims in
+    /// place of the products that confirmed them. The default keeps none. Fails with the errors of reading.
+    fn claim(&mut self, question: &str) -> Result<Option<Vec<u8>>> {
+        let _ = question;
+        Ok(None)
+    }
+
+    /// Keeps a claim, unless there is one for this question. The default forgets it. Fails with the errors of writing.
+    fn keep_claim(&mut self, question: &str, claim: &[u8]) -> Result<()> {
+        let _ = (question, claim);
+        Ok(())
+    }
+
     /// Vectors for `columns` columns in the memory where products are computed, for an operator that is square. With a selection `S`,
     /// products are `S A Sᵀ v`. The default `None` means that products take their vectors from the host's memory, or that there is no
     /// room.
@@ -237,6 +250,14 @@ macro_rules! delegate {
     (@confirming $field:tt) => {
         fn confirming(&mut self, on: bool) -> bool {
             $crate::operator::inner!(self, $field).confirming(on)
+        }
+
+        fn claim(&mut self, question: &str) -> $crate::error::Result<Option<Vec<u8>>> {
+            $crate::operator::inner!(self, $field).claim(question)
+        }
+
+        fn keep_claim(&mut self, question: &str, claim: &[u8]) -> $crate::error::Result<()> {
+            $crate::operator::inner!(self, $field).keep_claim(question, claim)
         }
     };
     (@adjoint $field:tt) => {

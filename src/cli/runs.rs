@@ -19,7 +19,7 @@ pub(super) enum Action {
     /// List the runs below a folder: their size, and the size of the journal that holds their photos
     #[command(after_help = "Example:\n  krylux runs list out")]
     List(ListArgs),
-    /// Remove the journals of runs whose photos tracing gives again: those of scenes that are still there, unchanged
+    /// Remove the journals of simulated runs whose scene is still there, unchanged: their photos can be traced again
     ///
     /// Nothing is removed without --delete. Results, pictures and reports stay. A run without its journal answers no further question; the
     /// same command on the scene does. Photos of rigs, and of runs that --resume may go on with, are never removed.

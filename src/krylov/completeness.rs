@@ -12,7 +12,6 @@ use super::eigen::HistoryRow;
 use super::powers::scaled;
 use crate::error::{Error, Result};
 use crate::observer::{Estimate, Observer, Step};
-use crate::operator::Operator;
 
 /// The cost of a run, and the reason why it ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -176,22 +175,6 @@ impl Confirm {
     }
 }
 
-/// Runs `work`, whose products only confirm a result, and tells it whether products cost nothing. Returns this flag and the result of
-/// `work`. The result is `None` if the products come from the recorded photos of a run, because these include no photos for a confirmation.
-/// Fails with the errors of `work`.
-pub fn confirming<O: Operator + ?Sized, T>(
-    operator: &mut O,
-    work: impl FnOnce(&mut O, bool) -> Result<T>,
-) -> Result<(bool, Option<T>)> {
-    let is_free = operator.confirming(true);
-    let found = work(operator, is_free);
-    operator.confirming(false);
-    match found {
-        Err(Error::NotTaken { .. }) if is_free => Ok((is_free, None)),
-        found => Ok((is_free, Some(found?))),
-    }
-}
-
 /// Reports a step of a confirmation to the observer. Fails with [`Error::Interrupted`] if the observer stops the confirmation.
 pub(super) fn confirming_step(observer: &dyn Observer, done: usize, total: usize) -> Result<()> {
     let (done, total) = (done as u64, total.max(done) as u64);
@@ -345,7 +328,7 @@ pub enum Completeness {
 }
 
 /// The claim of a confirmed search.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Confirmed {
     /// No value below the first limit or above the second limit is missing. The limits are `λ_k ± (ε (λ_max − λ_min) + tolerance + noise)`,
     /// with the spread `λ_max − λ_min` taken from the Ritz values. A limit is `None` at an end of the spectrum that was not requested.

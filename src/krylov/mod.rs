@@ -28,6 +28,7 @@
 
 mod basis;
 mod boxed;
+mod claim;
 mod completeness;
 mod eigen;
 mod estimators;
@@ -43,7 +44,8 @@ mod sweeps;
 
 pub use basis::{dot, norm};
 pub use boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi, Surrogate};
-pub use completeness::{Completeness, Confirm, Confirmed, Stats, Status, confirming};
+pub use claim::{Claimed, Question, confirming};
+pub use completeness::{Completeness, Confirm, Confirmed, Stats, Status};
 pub use eigen::{
     Beside, Eigs, EigsMethod, EigsOptions, HistoryRow, confirm, eigs, eigs_from, largest_beside,
 };

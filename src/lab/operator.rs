@@ -162,6 +162,14 @@ impl Operator for LabOperator {
         self.is_confirming = on && is_free;
         is_free
     }
+
+    fn claim(&mut self, question: &str) -> Result<Option<Vec<u8>>> {
+        lock(&self.transport).claim((self.part, self.channel), question)
+    }
+
+    fn keep_claim(&mut self, question: &str, claim: &[u8]) -> Result<()> {
+        lock(&self.transport).keep_claim((self.part, self.channel), question, claim)
+    }
 }
 
 impl Adjoint for LabOperator {

@@ -136,8 +136,8 @@ impl LightTransport {
         ask(self)
     }
 
-    /// Products of one part and channel with several vectors, and their standard errors if the source knows them. In the journal, products
-    /// that only confirm an answer have a separate name, so that no model uses them.
+    /// Products of one part and channel with several vectors, and their standard errors if the source knows them. The journal does not keep
+    /// products that only confirm an answer ([`Self::keep_claim`]), and no model estimates them.
     pub(super) fn products(
         &mut self,
         (of, is_confirming): ((Part, usize), bool),
@@ -145,11 +145,24 @@ impl LightTransport {
         xs: &[&[f64]],
         ys: &mut [&mut [f64]],
     ) -> Result<Vec<f64>> {
-        let names = [product_name(of.0, of.1), confirming_name(of)];
-        if is_confirming {
-            return self.products_taken(&names[1], of, direction, xs, ys);
+        match (&self.engine, is_confirming) {
+            (Engine::JournalOnly, true) => self.products_taken(of, direction, xs, ys),
+            (_, true) => self.engine.products(of, direction, xs, ys),
+            (_, false) => self.or_by_model(|transport| transport.products_taken(of, direction, xs, ys)),
         }
-        self.or_by_model(|transport| transport.products_taken(&names[0], of, direction, xs, ys))
+    }
+
+    /// The claim about the products of one part and channel that the run keeps for this question ([`Operator::claim`]).
+    pub(super) fn claim(&mut self, of: (Part, usize), question: &str) -> Result<Option<Vec<u8>>> {
+        self.journal.as_mut().map_or(Ok(None), |journal| journal.read_note(&claim_name(of, question)))
+    }
+
+    /// Keeps a claim with the run, if there is one ([`Operator::keep_claim`]).
+    pub(super) fn keep_claim(&mut self, of: (Part, usize), question: &str, claim: &[u8]) -> Result<()> {
+        match self.journal.as_mut().filter(|journal| journal.is_writable()) {
+            Some(journal) => journal.note(&claim_name(of, question), claim),
+            None => Ok(()),
+        }
     }
 
     /// Vectors where the products of one part and channel are computed ([`Operator::vectors`]). A run that began with vectors in the host's
@@ -175,8 +188,8 @@ impl LightTransport {
         }
     }
 
-    /// A product with such vectors ([`Operator::apply_within`]). It is in the journal before it is returned. Returns `None` if there is no
-    /// journal and the product need not be `seen`.
+    /// A product with such vectors ([`Operator::apply_within`]). Unless it only confirms an answer, it is in the journal before it is
+    /// returned. Returns `None` if the journal does not keep it and it need not be `seen`.
     pub(super) fn product_within(
         &mut self,
         ((part, channel), is_confirming): ((Part, usize), bool),
@@ -186,36 +199,31 @@ impl LightTransport {
     ) -> Result<Option<Product>> {
         let Self { engine, journal, observer, .. } = self;
         engine.with_operator(part, channel, |operator| operator.apply_within(vectors, column, direction))?;
+        let journal = journal.as_mut().filter(|_| !is_confirming);
         if !seen && journal.is_none() {
             return Ok(None);
         }
         let product = vectors.product()?;
         if let Some(journal) = journal {
-            let of = (part, channel);
-            let name = if is_confirming { confirming_name(of) } else { product_name(part, channel) };
             let known = journal.damages().len();
-            JournaledOperator::keep(journal, name, direction, &product)?;
+            JournaledOperator::keep(journal, product_name(part, channel), direction, &product)?;
             warn_of_new_damages(journal, known, observer);
         }
         Ok(Some(product))
     }
 
-    /// Products, from the journal if it keeps them under this name.
+    /// Products, from the journal if it keeps them.
     fn products_taken(
         &mut self,
-        name: &str,
         (part, channel): (Part, usize),
         direction: Direction,
         xs: &[&[f64]],
         ys: &mut [&mut [f64]],
     ) -> Result<Vec<f64>> {
         let Self { engine, journal, spanned, shape, observer, .. } = self;
-        let apply = |operator: &mut dyn Adjoint, ys: &mut [&mut [f64]]| {
-            operator.products(direction, xs, ys)?;
-            Ok(operator.standard_errors())
-        };
+        let name = product_name(part, channel);
         let Some(journal) = journal else {
-            let errors = engine.with_operator(part, channel, |operator| apply(operator, ys))?;
+            let errors = engine.products((part, channel), direction, xs, ys)?;
             if let (Engine::Measured(rig), Direction::Forward) = (engine, direction) {
                 rig.products.keep((part, channel), xs, ys, &errors);
             }
@@ -224,7 +232,7 @@ impl LightTransport {
         if let Engine::JournalOnly = engine {
             let size = [shape.photos, shape.patterns].map(Resolution::pixels);
             for (x, y) in xs.iter().zip(ys) {
-                let mut operator = JournaledOperator::replay(journal, name, size, shape.symmetry);
+                let mut operator = JournaledOperator::replay(journal, &name, size, shape.symmetry);
                 let replayed = operator.products(direction, &[x], &mut [y]);
                 let is_missing = matches!(replayed, Err(Error::NotTaken { .. }));
                 let follows =
@@ -237,10 +245,10 @@ impl LightTransport {
         }
         let known = journal.damages().len();
         let taken = engine.with_operator(part, channel, |inner| {
-            apply(&mut JournaledOperator::new(journal, name, inner), ys)
+            JournaledOperator::new(journal, name, inner).products(direction, xs, ys)
         });
         warn_of_new_damages(journal, known, observer);
-        taken
+        taken.map(|()| Vec::new())
     }
 
     pub(super) fn common_error(&mut self, (part, channel): (Part, usize), x: &[f64]) -> Result<f64> {
@@ -354,9 +362,8 @@ fn warn_of_new_damages(journal: &Journal, known: usize, observer: &SharedObserve
     journal.damages()[known..].iter().for_each(&mut warn);
 }
 
-/// The name in the journal of products that only confirm an answer.
-fn confirming_name((part, channel): (Part, usize)) -> String {
-    format!("{}, to confirm", product_name(part, channel))
+fn claim_name((part, channel): (Part, usize), question: &str) -> String {
+    format!("claim of {}: {question}", product_name(part, channel))
 }
 
 /// The direct light of each channel, if its matrix is diagonal.

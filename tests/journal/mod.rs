@@ -1,5 +1,6 @@
 //! The journal: what was appended comes back as it was or not at all, whatever happens to the file and its writer.
 
+mod claims;
 mod damage;
 mod faults;
 mod kill;

@@ -14,7 +14,7 @@ use rand_pcg::Pcg64;
 use crate::krylov_support::{Dense, Noisy};
 
 /// A symmetric matrix of a kind on which searches from one vector miss eigenvalues.
-fn structured(random: &mut Pcg64) -> Dense {
+pub(super) fn structured(random: &mut Pcg64) -> Dense {
     // One in eight is too large for a confirmation to span it.
     let n = if random.random_range(0..8) == 0 {
         random.random_range(80..=150)

@@ -3,6 +3,7 @@
 mod arnoldi;
 mod block;
 mod boxed;
+mod claims;
 mod completeness;
 mod eigs;
 mod estimators;

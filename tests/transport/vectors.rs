@@ -502,17 +502,8 @@ fn the_photos_of_a_run_on_the_device_answer_a_machine_without_it() {
     let (again, said) = asked_again(&options);
     assert!(!said.contains("model"), "{said}");
     assert_same(&on_device, &again, "without the scene");
-    let [excluded, excluded_again] = [&on_device, &again].map(|found| match &found.completeness {
-        Completeness::Confirmed(confirmed) => confirmed.limits,
-        other => unreachable!("{other:?}"),
-    });
-    assert!(excluded[1].is_some() && excluded_again[1].is_some());
-    for (limit, again) in excluded.iter().flatten().zip(excluded_again.iter().flatten()) {
-        assert!(
-            (limit - again).abs() < 1e-9 * limit,
-            "the confirming photos answer as well: {limit} {again}"
-        );
-    }
+    assert!(matches!(on_device.completeness, Completeness::Confirmed(_)), "{}", on_device.completeness);
+    assert_eq!((on_device.completeness, on_device.confirming), (again.completeness, again.confirming));
     for (device, again) in on_device.vectors.iter().zip(&again.vectors) {
         // Both are pairs of the same photos, so they differ by rounding and not by their residuals.
         assert!(device.iter().zip(again).all(|(a, b)| (a - b).abs() < 1e-9), "the same vectors");
@@ -520,6 +511,28 @@ fn the_photos_of_a_run_on_the_device_answer_a_machine_without_it() {
     // Another start leaves the span of the photos, and a model answers.
     options.start = Start::Random { seed: 77 };
     assert!(asked_again(&options).1.contains("model"));
+}
+
+#[test]
+fn a_segmentation_on_the_device_answers_a_machine_without_it() {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let run = folder.path().join("run");
+    let segmented = |lab: &mut Lab| {
+        let resolution = Some(Resolution::new(24, 24));
+        let options = SegmentOptions { groups: vec![2], photos: 24, resolution, ..SegmentOptions::default() };
+        let mut capture = Capture::new(options).expect("good options");
+        let mut operator = lab.operator(Part::Global).expect("there is light");
+        capture.run(&mut operator).expect("the photos are taken");
+        capture.segmentation().expect("there are eigenvectors")
+    };
+    let on_device = segmented(&mut lab_in(&run, Backend::Gpu, false, Arc::new(Listener::default())));
+    assert!(on_device.regions.unseen.completeness.is_known(), "{:?}", on_device.regions.unseen);
+    let heard = Arc::new(Listener::default());
+    let again = segmented(&mut Lab::builder(&run).observer(heard.clone()).open().expect("the run is whole"));
+    let said = heard.0.lock().expect("no other thread").clone();
+    assert!(!said.contains("model"), "{said}");
+    assert_eq!(on_device.regions.unseen, again.regions.unseen);
+    assert_eq!(on_device.labels, again.labels);
 }
 
 #[test]
@@ -562,7 +575,8 @@ fn singular_values_of_a_run_on_the_device_answer_a_machine_without_it() {
     let said = heard.0.lock().expect("no other thread").clone();
     assert!(!said.contains("model"), "{said}");
     assert_eq!(on_device.stats, again.stats);
-    assert!(on_device.confirming > 0, "photos of both directions also confirm");
+    assert!(on_device.confirming > 0 && on_device.completeness.is_known(), "{}", on_device.completeness);
+    assert_eq!((on_device.completeness, on_device.confirming), (again.completeness, again.confirming));
     for (device, again) in on_device.values.iter().zip(&again.values) {
         assert!((device - again).abs() < 1e-12 * device, "rounding of the same photos: {device} {again}");
     }

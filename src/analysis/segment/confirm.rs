@@ -6,7 +6,9 @@ use super::options::Cut;
 use super::regions::KEPT;
 use super::{CutMatrix, SegmentOptions};
 use crate::error::Result;
-use crate::krylov::{Completeness, Confirm, Factorization, Which, confirming, largest_beside};
+use crate::krylov::{
+    Claimed, Completeness, Confirm, Factorization, Question, RitzPair, Which, confirming, largest_beside,
+};
 use crate::operator::Operator;
 
 /// Knowledge about regions that a capture may have missed.
@@ -28,38 +30,40 @@ pub(super) fn unseen(
     lanczos: &Factorization,
     options: &SegmentOptions,
 ) -> Result<Unseen> {
-    let (is_free, found) = confirming(global, |global, is_free| {
+    let pairs = lanczos.ritz(Which::LargestAlgebraic, lanczos.steps())?;
+    let text = format!("regions, {:?}, seed {}, {:?}", options.cut, options.seed, options.confirm);
+    let values: Vec<f64> = pairs.iter().map(|pair| pair.value).collect();
+    let question = Question::new(text, &values, &[], &[]);
+    let (is_free, claimed) = confirming(global, question, |global, is_free| {
         let how = if is_free { Some(options.confirm.unwrap_or_default()) } else { options.confirm };
-        match how {
-            Some(how) if options.cut == Cut::Normalized => {
-                beside(global, graph, lanczos, (options.seed, how))
-            }
-            _ => Ok(Unseen::default()),
-        }
+        let how = how.filter(|_| options.cut == Cut::Normalized);
+        how.map(|how| beside(global, graph, (lanczos, &pairs), (options.seed, how))).transpose()
     })?;
-    let found = found.unwrap_or_default();
-    Ok(if is_free { Unseen { photos: 0, ..found } } else { found })
+    let Some(Claimed { completeness, more: (missed, photos), .. }) = claimed else {
+        return Ok(Unseen::default());
+    };
+    Ok(Unseen { completeness, missed, photos: if is_free { 0 } else { photos } })
 }
 
 /// The largest number of localized eigenvectors that are set aside.
 const MOST_LOCAL: u64 = 12;
 
+/// The claim, the eigenvalue of a region that was missed, and the number of products.
 fn beside(
     global: &mut dyn Operator,
     graph: &Graph,
-    lanczos: &Factorization,
+    (lanczos, pairs): (&Factorization, &[RitzPair]),
     (seed, how): (u64, Confirm),
-) -> Result<Unseen> {
-    let pairs = lanczos.ritz(Which::LargestAlgebraic, lanczos.steps())?;
+) -> Result<(Completeness, (Option<f64>, usize))> {
     let regions = pairs.iter().take_while(|pair| pair.value >= KEPT).count();
     let mut known = lanczos.known().to_vec();
     known.extend(pairs[..regions].iter().map(|pair| lanczos.ritz_vector(pair)));
     let mut operator = CutMatrix::new(global, graph, Cut::Normalized);
-    let mut unseen = Unseen::default();
+    let mut products = 0;
     for round in 0..MOST_LOCAL {
         let seed = seed.wrapping_add(round);
         let Some(found) = largest_beside(&mut operator, &known, seed, &how)? else { break };
-        unseen.photos += found.products;
+        products += found.products;
         let is_region = found.value >= KEPT;
         let scaled = found.vector.iter().zip(graph.degree()).map(|(entry, degree)| entry / degree.sqrt());
         if is_region && Embedding::would_be_local(&scaled.collect::<Vec<f64>>(), graph.degree()) {
@@ -68,9 +72,7 @@ fn beside(
             known.push(found.vector);
             continue;
         }
-        unseen.completeness = found.completeness.after(round);
-        unseen.missed = is_region.then_some(found.value);
-        break;
+        return Ok((found.completeness.after(round), (is_region.then_some(found.value), products)));
     }
-    Ok(unseen)
+    Ok((Completeness::NotExcluded, (None, products)))
 }

@@ -1,7 +1,10 @@
 //! Confirms that a search has missed no eigenvalue, and inserts missed ones.
 
+use serde::{Deserialize, Serialize};
+
 use super::{Eigs, EigsOptions, Found};
 use crate::error::Result;
+use crate::krylov::claim::{Claimed, Question};
 use crate::krylov::completeness::{
     Completeness, Confirm, Confirmable, Confirmed, MOST, Status, confirm_by, confirming_step, slack,
 };
@@ -27,27 +30,122 @@ pub fn confirm(
     confirm: &Confirm,
 ) -> Result<()> {
     confirm.check()?;
+    if is_due(operator, found, options) {
+        let (completeness, more) = search_missed(operator, found, options, confirm)?;
+        found.claim(Claimed { completeness, more, is_kept: false }, options);
+    }
+    Ok(())
+}
+
+/// Whether [`confirm()`] takes products for this result.
+pub(super) fn is_due(operator: &dyn Operator, found: &Eigs, options: &EigsOptions) -> bool {
     let ended = matches!(found.stats.status, Status::ReachedTolerance | Status::NoiseFloor);
     let most = operator.cols().saturating_sub(options.deflate.len());
     let is_whole = found.values.len() == options.count.min(most);
     let is_end = !matches!(options.which, Which::SmallestMagnitude | Which::LargestImaginary);
     let is_symmetric = operator.symmetry() == Symmetry::Symmetric;
-    if !(ended && is_whole && is_end && is_symmetric) || found.completeness.is_known() {
-        return Ok(());
-    }
+    ended && is_whole && is_end && is_symmetric && !found.completeness.is_known()
+}
+
+/// The question whether these pairs are all that were asked for.
+pub(super) fn question(found: &Eigs, options: &EigsOptions) -> Question {
+    let EigsOptions { count, which, tolerance, noise, start, deflate, confirm, .. } = options;
+    let text = format!(
+        "eigenvalues, {count} {which:?}, tolerance {tolerance:e}, noise {noise:.3e}, seed {}, {} known, {confirm:?}",
+        start.seed(),
+        deflate.len()
+    );
+    Question::new(text, &found.values, &found.residuals, &found.history)
+}
+
+/// Pairs that a search missed and one process of its confirmation found.
+#[derive(Clone, Serialize, Deserialize)]
+struct Missed {
+    pairs: Vec<RitzPair>,
+    vectors: Vec<Vec<f64>>,
+    /// [`Operator::common_error`] of each vector.
+    common: Vec<f64>,
+    asymmetry: f64,
+    scale: f64,
+}
+
+/// The findings of a confirmation beside its claim.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Findings {
+    /// The missed pairs of each process, in order.
+    missed: Vec<Missed>,
+    products: usize,
+    /// True if a missed pair was found but has not converged.
+    is_open: bool,
+}
+
+/// Does the work of [`confirm()`] for a result for which it is due, and inserts the missed pairs.
+pub(super) fn search_missed(
+    operator: &mut dyn Operator,
+    found: &mut Eigs,
+    options: &EigsOptions,
+    confirm: &Confirm,
+) -> Result<(Completeness, Findings)> {
     let scale = found.values.iter().fold(0.0, |scale, value| value.abs().max(scale));
     let noise = if confirm.is_frozen { 0.0 } else { options.noise };
-    let mut search =
-        Confirmation { operator, options, found, noise, most: confirm.products, products: 0, scale };
+    let (most, products, missed) = (confirm.products, 0, Vec::new());
+    let mut search = Confirmation { operator, options, found, noise, most, products, scale, missed };
     let done = confirm_by(&mut search, confirm, options.count);
-    let products = search.products;
+    let Confirmation { products, missed, .. } = search;
     found.confirming += products;
-    let (claim, is_open) = done?;
-    found.completeness = claim;
-    if is_open {
-        found.stats.status = Status::BudgetSpent;
+    let (completeness, is_open) = done?;
+    Ok((completeness, Findings { missed, products, is_open }))
+}
+
+impl Eigs {
+    /// Applies the answer of a confirmation.
+    pub(super) fn claim(&mut self, claimed: Claimed<Findings>, options: &EigsOptions) {
+        let Claimed { completeness, more: Findings { missed, products, is_open }, is_kept } = claimed;
+        if is_kept {
+            self.confirming += products;
+            missed.into_iter().for_each(|missed| self.insert(missed, options));
+        }
+        self.completeness = completeness;
+        if is_open {
+            self.stats.status = Status::BudgetSpent;
+        }
     }
-    Ok(())
+
+    /// Inserts the missed pairs in their order, and keeps only the requested number of pairs.
+    fn insert(&mut self, missed: Missed, options: &EigsOptions) {
+        let Missed { pairs, vectors, common, asymmetry, scale } = missed;
+        let rows = vectors.first().map_or(0, Vec::len);
+        let imaginary = vec![Vec::new(); pairs.len()];
+        let new = Found { pairs: &pairs, vectors, common, imaginary, scale, rows };
+        let new = new.eigs(options, asymmetry, Vec::new(), self.stats);
+        self.asymmetry = self.asymmetry.max(new.asymmetry);
+        let all = self.values.iter().chain(&new.values);
+        let complex: Vec<(f64, f64)> = all.map(|&value| (value, 0.0)).collect();
+        let mut order = options.which.order(&complex);
+        order.truncate(options.count);
+        for (entries, new) in [
+            (&mut self.values, new.values),
+            (&mut self.imaginary_values, new.imaginary_values),
+            (&mut self.residuals, new.residuals),
+            (&mut self.standard_errors, new.standard_errors),
+            (&mut self.bounds, new.bounds),
+            (&mut self.gap_bounds, new.gap_bounds),
+        ] {
+            join(entries, new, &order);
+        }
+        join(&mut self.vectors, new.vectors, &order);
+        join(&mut self.imaginary_vectors, new.imaginary_vectors, &order);
+        join(&mut self.statuses, new.statuses, &order);
+        // The inserted values reduce the gaps, so the gap bounds are computed again from all values.
+        for index in 0..self.values.len() {
+            let others = (0..self.values.len()).filter(|other| *other != index);
+            let gap = others
+                .map(|other| (self.values[other] - self.values[index]).abs() - self.residuals[other])
+                .fold(f64::INFINITY, f64::min);
+            let bound = self.bounds[index];
+            self.gap_bounds[index] = self.gap_bounds[index].max(temple_kato(bound, gap)).min(bound);
+        }
+    }
 }
 
 struct Confirmation<'a> {
@@ -61,6 +159,7 @@ struct Confirmation<'a> {
     products: usize,
     /// A lower bound of the norm of the operator.
     scale: f64,
+    missed: Vec<Missed>,
 }
 
 impl Confirmation<'_> {
@@ -163,37 +262,10 @@ impl Confirmable for Confirmation<'_> {
             missed.iter().map(|pair| process.ritz_vector(pair)).collect::<Result<_>>()?;
         let common =
             vectors.iter().map(|vector| self.operator.common_error(vector)).collect::<Result<_>>()?;
-        let imaginary = vec![Vec::new(); missed.len()];
-        let new = Found { pairs: missed, vectors, common, imaginary, scale: self.scale, rows: process.n() };
-        let new = new.eigs(self.options, process.asymmetry(), Vec::new(), self.found.stats);
-        let found = &mut *self.found;
-        found.asymmetry = found.asymmetry.max(new.asymmetry);
-        let all = found.values.iter().chain(&new.values);
-        let complex: Vec<(f64, f64)> = all.map(|&value| (value, 0.0)).collect();
-        let mut order = self.options.which.order(&complex);
-        order.truncate(self.options.count);
-        for (entries, new) in [
-            (&mut found.values, new.values),
-            (&mut found.imaginary_values, new.imaginary_values),
-            (&mut found.residuals, new.residuals),
-            (&mut found.standard_errors, new.standard_errors),
-            (&mut found.bounds, new.bounds),
-            (&mut found.gap_bounds, new.gap_bounds),
-        ] {
-            join(entries, new, &order);
-        }
-        join(&mut found.vectors, new.vectors, &order);
-        join(&mut found.imaginary_vectors, new.imaginary_vectors, &order);
-        join(&mut found.statuses, new.statuses, &order);
-        // The inserted values reduce the gaps, so the gap bounds are computed again from all values.
-        for index in 0..found.values.len() {
-            let others = (0..found.values.len()).filter(|other| *other != index);
-            let gap = others
-                .map(|other| (found.values[other] - found.values[index]).abs() - found.residuals[other])
-                .fold(f64::INFINITY, f64::min);
-            let bound = found.bounds[index];
-            found.gap_bounds[index] = found.gap_bounds[index].max(temple_kato(bound, gap)).min(bound);
-        }
+        let (pairs, asymmetry, scale) = (missed.to_vec(), process.asymmetry(), self.scale);
+        let missed = Missed { pairs, vectors, common, asymmetry, scale };
+        self.missed.push(missed.clone());
+        self.found.insert(missed, self.options);
         Ok(())
     }
 }

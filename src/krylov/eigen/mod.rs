@@ -7,7 +7,8 @@ use std::ops::ControlFlow;
 
 use power::power;
 
-use super::completeness::{Completeness, Confirm, FurtherSteps, Recorder, Stats, Status, confirming};
+use super::claim::confirming;
+use super::completeness::{Completeness, Confirm, FurtherSteps, Recorder, Stats, Status};
 use super::factor;
 use super::factor::{Factorization, PairStatus, Resident, RitzPair, Which};
 use super::powers::{Rescaled, multiply_eigs, scaled};
@@ -16,6 +17,7 @@ use crate::error::{Error, Result};
 use crate::operator::Operator;
 
 pub use confirm::{Beside, confirm, largest_beside};
+use confirm::{is_due, question, search_missed};
 
 /// A method that finds eigenpairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -155,6 +157,9 @@ impl EigsOptions {
                 "give a number from 0 on",
             );
         }
+        if let Some(confirm) = self.confirm {
+            confirm.check()?;
+        }
         if let Some(most) = self.max_basis {
             if most < self.count + 2 * block + 1 {
                 return refuse(
@@ -213,11 +218,17 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let mut found = eigs_from(&mut factorization, operator, options)?;
     let broke_down = factorization.broke_down();
     drop(factorization);
+    if !is_due(operator, &found, options) {
+        return Ok(found);
+    }
     let left = options.products.saturating_sub(found.stats.products);
-    let (is_free, _) = confirming(operator, |operator, is_free| {
+    let (is_free, claimed) = confirming(operator, question(&found, options), |operator, is_free| {
         let how = Confirm::of(options.confirm, is_free, broke_down, left);
-        how.map_or(Ok(()), |how| confirm(operator, &mut found, options, &how))
+        how.map(|how| search_missed(operator, &mut found, options, &how)).transpose()
     })?;
+    if let Some(claimed) = claimed {
+        found.claim(claimed, options);
+    }
     if !is_free {
         found.stats.products += found.confirming;
     }

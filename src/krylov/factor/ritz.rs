@@ -84,7 +84,7 @@ impl PairStatus {
 }
 
 /// A Ritz pair `(θ, y = V s)`: the Rayleigh–Ritz approximation of an eigenpair from the subspace.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct RitzPair {
     /// `θ` (its real part), approximating an eigenvalue.
     pub value: f64,

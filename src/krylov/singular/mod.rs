@@ -5,10 +5,12 @@ mod golub_kahan;
 use std::ops::ControlFlow;
 
 use golub_kahan::{GolubKahan, Triplet};
+use serde::{Deserialize, Serialize};
 
+use super::claim::{Claimed, Question, confirming};
 use super::completeness::{
-    Completeness, Confirm, Confirmable, FurtherSteps, Recorder, Stats, Status, confirm_by, confirming,
-    confirming_step, slack,
+    Completeness, Confirm, Confirmable, FurtherSteps, Recorder, Stats, Status, confirm_by, confirming_step,
+    slack,
 };
 use super::eigen::HistoryRow;
 use super::factor::PairStatus;
@@ -130,11 +132,17 @@ fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<
     };
     process.download()?;
     let mut found = answer(&process, &triplets, options, recorder.history, status);
+    if !is_due(operator, &mut found, options) {
+        return Ok(found);
+    }
     let left = options.products.saturating_sub(found.stats.products);
-    let (is_free, _) = confirming(operator, |operator, is_free| {
+    let (is_free, claimed) = confirming(operator, question(&found, options), |operator, is_free| {
         let how = Confirm::of(options.confirm, is_free, process.broke_down(), left);
-        how.map_or(Ok(()), |how| confirm_singular(operator, &mut found, options, &how))
+        how.map(|how| search_missed(operator, &mut found, options, &how)).transpose()
     })?;
+    if let Some(claimed) = claimed {
+        found.claim(claimed, options);
+    }
     if !is_free {
         found.stats.products += found.confirming;
     }
@@ -153,7 +161,7 @@ impl SingularOptions {
         if !(self.noise >= 0.0 && self.noise.is_finite()) {
             return refuse("SingularOptions::noise", "the noise is no amount", "give a number from 0 on");
         }
-        Ok(())
+        self.confirm.map_or(Ok(()), |confirm| confirm.check())
     }
 }
 
@@ -197,27 +205,105 @@ pub fn confirm_singular(
     confirm: &Confirm,
 ) -> Result<()> {
     confirm.check()?;
+    if is_due(operator, found, options) {
+        let (completeness, more) = search_missed(operator, found, options, confirm)?;
+        found.claim(Claimed { completeness, more, is_kept: false }, options);
+    }
+    Ok(())
+}
+
+/// Whether [`confirm_singular`] takes products for this result. If all singular values were found, none is missing.
+fn is_due(operator: &dyn Adjoint, found: &mut Singular, options: &SingularOptions) -> bool {
     let ended = matches!(found.stats.status, Status::ReachedTolerance | Status::NoiseFloor);
     let count = found.values.len();
     if !ended || count != options.count || found.completeness.is_known() {
-        return Ok(());
+        return false;
     }
     let settled = found.statuses.iter().all(|&status| status == PairStatus::Converged);
     if count == operator.rows().min(operator.cols()) && settled {
         found.completeness = Completeness::Exact;
-        return Ok(());
+        return false;
     }
+    true
+}
+
+/// The question whether these triplets are all that were asked for.
+fn question(found: &Singular, options: &SingularOptions) -> Question {
+    let SingularOptions { count, tolerance, noise, start, confirm, .. } = options;
+    let text = format!(
+        "singular values, {count}, tolerance {tolerance:e}, noise {noise:.3e}, seed {}, {confirm:?}",
+        start.seed()
+    );
+    Question::new(text, &found.values, &found.residuals, &found.history)
+}
+
+/// A triplet that a search missed, with `u` and `v`.
+type Missed = (Triplet, [Vec<f64>; 2]);
+
+/// The findings of a confirmation beside its claim.
+#[derive(Serialize, Deserialize)]
+struct Findings {
+    /// The missed triplets of each process, in order.
+    missed: Vec<Vec<Missed>>,
+    products: usize,
+    /// True if a missed triplet was found but has not converged.
+    is_open: bool,
+}
+
+/// Does the work of [`confirm_singular`] for a result for which it is due, and inserts the missed triplets.
+fn search_missed(
+    operator: &mut dyn Adjoint,
+    found: &mut Singular,
+    options: &SingularOptions,
+    confirm: &Confirm,
+) -> Result<(Completeness, Findings)> {
     let noise = if confirm.is_frozen { 0.0 } else { options.noise };
-    let mut search = Confirmation { operator, options, found, noise, most: confirm.products, products: 0 };
+    let (most, products, missed, count) = (confirm.products, 0, Vec::new(), found.values.len());
+    let mut search = Confirmation { operator, options, found, noise, most, products, missed };
     let done = confirm_by(&mut search, confirm, count);
-    let products = search.products;
+    let Confirmation { products, missed, .. } = search;
     found.confirming += products;
-    let (claim, is_open) = done?;
-    found.completeness = claim;
-    if is_open {
-        found.stats.status = Status::BudgetSpent;
+    let (completeness, is_open) = done?;
+    Ok((completeness, Findings { missed, products, is_open }))
+}
+
+impl Singular {
+    fn largest(&self) -> f64 {
+        self.values.first().copied().unwrap_or(0.0)
     }
-    Ok(())
+
+    /// Applies the answer of a confirmation.
+    fn claim(&mut self, claimed: Claimed<Findings>, options: &SingularOptions) {
+        let Claimed { completeness, more: Findings { missed, products, is_open }, is_kept } = claimed;
+        if is_kept {
+            self.confirming += products;
+            missed.into_iter().for_each(|missed| self.insert(missed, options));
+        }
+        self.completeness = completeness;
+        if is_open {
+            self.stats.status = Status::BudgetSpent;
+        }
+    }
+
+    /// Inserts the missed triplets in their order, and keeps only the requested number of triplets.
+    fn insert(&mut self, missed: Vec<Missed>, options: &SingularOptions) {
+        for (triplet, [photo, pattern]) in missed {
+            let wanted = options.tolerance * self.largest().max(triplet.value);
+            let at = self.values.partition_point(|&value| value >= triplet.value);
+            self.values.insert(at, triplet.value);
+            self.left.insert(at, photo);
+            self.right.insert(at, pattern);
+            self.residuals.insert(at, triplet.residual);
+            self.standard_errors.insert(at, triplet.standard_error);
+            self.statuses.insert(at, triplet.status(wanted));
+        }
+        for numbers in [&mut self.values, &mut self.residuals, &mut self.standard_errors] {
+            numbers.truncate(options.count);
+        }
+        self.left.truncate(options.count);
+        self.right.truncate(options.count);
+        self.statuses.truncate(options.count);
+    }
 }
 
 struct Confirmation<'a> {
@@ -229,16 +315,13 @@ struct Confirmation<'a> {
     /// The largest number of products, and the number of products so far.
     most: usize,
     products: usize,
+    missed: Vec<Vec<Missed>>,
 }
 
 impl Confirmation<'_> {
-    fn largest(&self) -> f64 {
-        self.found.values.first().copied().unwrap_or(0.0)
-    }
-
     fn slack(&self, process: &GolubKahan, operator: f64) -> f64 {
         let size = (process.steps(), self.operator.cols());
-        let (scale, error) = ((self.options.tolerance, self.largest()), self.error(Some(process)));
+        let (scale, error) = ((self.options.tolerance, self.found.largest()), self.error(Some(process)));
         slack(scale, size, &self.found.residuals, error, operator)
     }
 }
@@ -287,38 +370,24 @@ impl Confirmable for Confirmation<'_> {
     }
 
     fn is_open(&self, triplets: &[Triplet]) -> bool {
-        let wanted = |triplet: &Triplet| self.options.tolerance * self.largest().max(triplet.value);
+        let wanted = |triplet: &Triplet| self.options.tolerance * self.found.largest().max(triplet.value);
         triplets.iter().any(|triplet| triplet.status(wanted(triplet)) == PairStatus::NotResolved)
     }
 
     fn insert(&mut self, process: &mut GolubKahan, missed: &[Triplet]) -> Result<()> {
-        if !missed.is_empty() {
-            process.download()?;
+        if missed.is_empty() {
+            return Ok(());
         }
-        for triplet in missed {
-            let wanted = self.options.tolerance * self.largest().max(triplet.value);
-            let found = &mut *self.found;
-            let at = found.values.partition_point(|&value| value >= triplet.value);
-            let [photo, pattern] = process.vectors(triplet);
-            found.values.insert(at, triplet.value);
-            found.left.insert(at, photo);
-            found.right.insert(at, pattern);
-            found.residuals.insert(at, triplet.residual);
-            found.standard_errors.insert(at, triplet.standard_error);
-            found.statuses.insert(at, triplet.status(wanted));
-        }
-        let (count, found) = (self.options.count, &mut *self.found);
-        for numbers in [&mut found.values, &mut found.residuals, &mut found.standard_errors] {
-            numbers.truncate(count);
-        }
-        found.left.truncate(count);
-        found.right.truncate(count);
-        found.statuses.truncate(count);
+        process.download()?;
+        let missed: Vec<Missed> =
+            missed.iter().map(|triplet| (triplet.clone(), process.vectors(triplet))).collect();
+        self.missed.push(missed.clone());
+        self.found.insert(missed, self.options);
         Ok(())
     }
 
     fn limits(&self, process: &GolubKahan, share: f64) -> Result<[Option<f64>; 2]> {
         let last = self.found.values.last().copied().unwrap_or(0.0);
-        Ok([None, Some(last.hypot(share.sqrt() * self.largest()) + self.slack(process, 1.0))])
+        Ok([None, Some(last.hypot(share.sqrt() * self.found.largest()) + self.slack(process, 1.0))])
     }
 }

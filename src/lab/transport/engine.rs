@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::lab::measured::MeasuredRig;
 use crate::lab::source::{ExplicitParts, ModelParts, SceneSource};
-use crate::operator::Adjoint;
+use crate::operator::{Adjoint, Direction};
 use crate::transport::{Assembled, Channels, EstimatedOperator, Part, Retraced, RetracedOperator, Transport};
 
 /// A provider of photos.
@@ -59,6 +59,20 @@ impl Engine {
             Self::Model(parts) => work(&mut parts.operator(part, channel)),
             Self::JournalOnly => Err(Error::Interrupted),
         }
+    }
+
+    /// Products with several vectors, and their standard errors if the engine knows them.
+    pub(super) fn products(
+        &mut self,
+        (part, channel): (Part, usize),
+        direction: Direction,
+        xs: &[&[f64]],
+        ys: &mut [&mut [f64]],
+    ) -> Result<Vec<f64>> {
+        self.with_operator(part, channel, |operator| {
+            operator.products(direction, xs, ys)?;
+            Ok(operator.standard_errors())
+        })
     }
 
     pub(super) fn photograph(&mut self, pattern: &Image) -> Result<Image> {

@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::{confirming_name, product_name};
+use super::product_name;
 use crate::error::Result;
 use crate::journal::Journal;
 use crate::krylov::{dot, norm};
@@ -45,8 +45,7 @@ impl Spanned {
         let place = known.iter().position(|known| known.of == of).unwrap_or(known.len());
         if place == known.len() {
             let ((part, channel), direction) = of;
-            let mut products = JournaledOperator::kept(journal, &product_name(part, channel), direction)?;
-            products.extend(JournaledOperator::kept(journal, &confirming_name((part, channel)), direction)?);
+            let products = JournaledOperator::kept(journal, &product_name(part, channel), direction)?;
             known.push(Self::by(of, products));
         }
         Ok(&known[place])
