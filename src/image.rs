@@ -1,5 +1,7 @@
 //! Images are patterns and photos, as dense `f32` rasters in linear radiometric units.
 
+use rayon::prelude::*;
+
 use crate::error::{Error, Result};
 
 pub(crate) mod codec;
@@ -194,34 +196,33 @@ impl Blur {
 
     /// The blurred image `K x`. `x` and `K x` have `n` values each.
     pub fn apply(&self, x: &[f64]) -> Vec<f64> {
-        // Rows are convolved first, and then columns. For each weight of the kernel, a shifted copy of a whole row is added, which is fast.
+        // Rows are convolved first, and then columns.
         let (width, height) = (self.resolution.width, self.resolution.height);
         let reach = self.kernel.len() - 1;
         let mut rows = vec![0.0; x.len()];
-        let mut padded = vec![0.0; width + 2 * reach];
-        for (from, to) in x.chunks(width).zip(rows.chunks_mut(width)) {
-            for (at, value) in padded.iter_mut().enumerate() {
-                *value = from[mirrored(at as isize - reach as isize, width)];
-            }
-            for (offset, &weight) in self.kernel.iter().enumerate() {
-                add(to, weight, &padded[reach + offset..]);
-                if offset > 0 {
-                    add(to, weight, &padded[reach - offset..]);
-                }
-            }
-        }
-        let row = |y: isize| &rows[mirrored(y, height) * width..];
+        rows.par_chunks_mut(width).zip(x.par_chunks(width)).for_each(|(to, from)| {
+            let padded: Vec<f64> = (0..width + 2 * reach)
+                .map(|at| from[mirrored(at as isize - reach as isize, width)])
+                .collect();
+            add_weighted(
+                to,
+                self.taps().map(|(offset, weight)| (weight, &padded[reach.wrapping_add_signed(offset)..])),
+            );
+        });
         let mut picture = vec![0.0; x.len()];
-        for (y, to) in picture.chunks_mut(width).enumerate() {
-            for (offset, &weight) in self.kernel.iter().enumerate() {
-                let (y, offset) = (y as isize, offset as isize);
-                add(to, weight, row(y + offset));
-                if offset > 0 {
-                    add(to, weight, row(y - offset));
-                }
-            }
-        }
+        picture.par_chunks_mut(width).enumerate().for_each(|(y, to)| {
+            let row = |offset: isize| &rows[mirrored(y as isize + offset, height) * width..];
+            add_weighted(to, self.taps().map(|(offset, weight)| (weight, row(offset))));
+        });
         picture
+    }
+
+    /// The offsets of the kernel from the centre outwards, on both sides, with their weights.
+    fn taps(&self) -> impl Iterator<Item = (isize, f64)> {
+        self.kernel.iter().enumerate().flat_map(|(at, &weight)| {
+            let offset = at as isize;
+            [Some((offset, weight)), (at > 0).then_some((-offset, weight))].into_iter().flatten()
+        })
     }
 
     /// The variances of the `n` entries of `K x`, if the entries of `x` are independent and have the given `n` variances.
@@ -252,18 +253,18 @@ impl Blur {
     /// The weights of the pixels that contribute to pixel `at` of a row of `length` pixels.
     fn weights(&self, at: usize, length: usize) -> Vec<(usize, f64)> {
         let mut weights = std::collections::BTreeMap::new();
-        for (offset, &weight) in self.kernel.iter().enumerate() {
-            let offset = offset as isize;
-            for signed in if offset == 0 { vec![0] } else { vec![-offset, offset] } {
-                *weights.entry(mirrored(at as isize + signed, length)).or_insert(0.0) += weight;
-            }
+        for (offset, weight) in self.taps() {
+            *weights.entry(mirrored(at as isize + offset, length)).or_insert(0.0) += weight;
         }
         weights.into_iter().collect()
     }
 }
 
-fn add(sum: &mut [f64], weight: f64, of: &[f64]) {
-    sum.iter_mut().zip(of).for_each(|(sum, value)| *sum += weight * value);
+/// `sum ← sum + Σ weight · values`, with the terms added one after the other. The values may be more than the sums.
+pub(crate) fn add_weighted<'a>(sum: &mut [f64], terms: impl Iterator<Item = (f64, &'a [f64])>) {
+    for (weight, values) in terms {
+        sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+    }
 }
 
 /// The index of the pixel at position `at`, if a row of `length` pixels is extended by repeated reflection at its ends.

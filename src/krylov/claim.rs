@@ -3,36 +3,42 @@
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::completeness::{Completeness, Confirmed};
+use super::completeness::{Completeness, Confirm, Confirmed};
 use super::eigen::HistoryRow;
+use super::start::Start;
 use crate::error::{Error, Result};
 use crate::operator::Operator;
 
-/// A question that a confirmation answers: whether a search missed anything.
+/// The question whether a search missed anything.
 #[derive(Clone, Debug)]
-pub struct Question {
+pub(crate) struct Question {
     text: String,
+    share: f64,
     numbers: Vec<f64>,
 }
 
 /// The answer of a confirmation.
-#[derive(Clone, Debug)]
-pub struct Claimed<T> {
+pub(crate) struct Claimed<T> {
     /// The claim about values that the search may have missed.
-    pub completeness: Completeness,
-    /// What else the confirmation found.
-    pub more: T,
+    pub(crate) completeness: Completeness,
+    /// The other findings of the confirmation.
+    pub(crate) more: T,
     /// True if the operator had kept the answer, false if products confirmed it now.
-    pub is_kept: bool,
+    pub(crate) is_kept: bool,
 }
 
-/// The numbers of two searches are the same up to this difference, relative to the largest number. It is far above the differences between machines, whose products agree
-/// to about 1e-12, and below the tolerance of a search (1e-8 by default).
+/// The numbers of two searches are the same up to this share of the largest number. It is far above the differences between machines, whose
+/// products agree to about 1e-12, and below the default tolerance of a search (1e-8).
 const SAME: f64 = 1e-9;
+
+/// The number of the form of [`Kept`] and of all findings. A claim in another form is confirmed again.
+const FORM: u32 = 1;
 
 /// A claim with the numbers of the search that it is about.
 #[derive(Serialize, Deserialize)]
 struct Kept<T> {
+    /// [`Confirm::share`].
+    share: f64,
     numbers: Vec<f64>,
     #[serde(with = "Plain")]
     completeness: Completeness,
@@ -49,44 +55,56 @@ enum Plain {
 }
 
 impl Question {
-    /// Asks about the `values` that a search found. `text` names the method and all options on which its claim depends. A kept claim answers
-    /// only a search with the same values, the same residuals and the same largest value after each product, up to 1e-9 of the largest
-    /// number. With another operator, a process from the same random vector takes other values.
-    pub fn new(text: String, values: &[f64], residuals: &[f64], history: &[HistoryRow]) -> Self {
+    /// `method` names the method and all options on which its claim depends, except these: the confirmation asked for, the start, and known
+    /// vectors. `numbers` are the results of the search and its `history`. With another operator, a process from the same start takes other
+    /// values. A kept claim answers only a search with the same numbers, up to 1e-9 of the largest. It may be stronger than the one asked for.
+    pub(crate) fn new(
+        method: &str,
+        confirm: Option<Confirm>,
+        (start, known): (&Start, &[Vec<f64>]),
+        (numbers, history): (&[&[f64]], &[HistoryRow]),
+    ) -> Self {
+        let Confirm { share, chance, products, .. } = confirm.unwrap_or_default();
+        let start = match start {
+            Start::Given(vector) => format!("given {}", digest(std::slice::from_ref(vector))),
+            drawn => format!("{drawn:?}"),
+        };
+        let known = digest(known);
+        let text = format!("{method}, {start}, known {known}, chance {chance:e}, {products} products");
         let first = history.iter().filter_map(|row| row.values.first());
-        let mut numbers: Vec<f64> = values.iter().chain(residuals).chain(first).copied().collect();
-        let scale = numbers.iter().fold(f64::MIN_POSITIVE, |scale, number| number.abs().max(scale));
-        numbers.iter_mut().for_each(|number| *number /= scale);
-        Self { text, numbers }
+        Self { text, share, numbers: numbers.iter().copied().flatten().chain(first).copied().collect() }
     }
 
     fn is_answered_by<T>(&self, kept: &Kept<T>) -> bool {
+        let largest = self.numbers.iter().fold(0.0, |largest: f64, number| number.abs().max(largest));
         // False for NaN.
-        let is_same = |(own, kept): (&f64, &f64)| (own - kept).abs() <= SAME;
-        kept.numbers.len() == self.numbers.len() && self.numbers.iter().zip(&kept.numbers).all(is_same)
+        let is_same = |(own, kept): (&f64, &f64)| (own - kept).abs() <= SAME * largest;
+        let is_alike = kept.numbers.len() == self.numbers.len();
+        is_alike && self.numbers.iter().zip(&kept.numbers).all(is_same) && kept.share <= self.share
     }
 
     fn answer<O: Operator + ?Sized, T: Serialize + DeserializeOwned>(
         self,
         operator: &mut O,
         is_free: bool,
+        fits: impl Fn(&T) -> bool,
         work: impl FnOnce(&mut O, bool) -> Result<Option<(Completeness, T)>>,
     ) -> Result<Option<Claimed<T>>> {
-        // Searches with other numbers have asked this question before.
-        let mut before = 0;
-        let place = |before: usize| format!("{}; {before}", self.text);
-        while is_free && let Some(bytes) = operator.claim(&place(before))? {
-            match postcard::from_bytes::<Kept<T>>(&bytes) {
-                Ok(kept) if self.is_answered_by(&kept) => {
+        // The number of claims about other searches with this text.
+        let mut others = 0;
+        let place = |others: usize| format!("form {FORM}, {}; {others}", self.text);
+        while is_free && let Some(bytes) = operator.claim(&place(others))? {
+            match postcard::take_from_bytes::<Kept<T>>(&bytes) {
+                Ok((kept, [])) if self.is_answered_by(&kept) && fits(&kept.more) => {
                     let Kept { completeness, more, .. } = kept;
                     return Ok(Some(Claimed { completeness, more, is_kept: true }));
                 }
-                _ => before += 1,
+                _ => others += 1,
             }
         }
-        let place = place(before);
+        let place = place(others);
         let Some((completeness, more)) = work(operator, is_free)? else { return Ok(None) };
-        let kept = Kept { numbers: self.numbers, completeness, more };
+        let kept = Kept { share: self.share, numbers: self.numbers, completeness, more };
         if is_free && let Ok(bytes) = postcard::to_allocvec(&kept) {
             operator.keep_claim(&place, &bytes)?;
         }
@@ -94,17 +112,32 @@ impl Question {
     }
 }
 
+/// The BLAKE3 hash of vectors and their lengths.
+fn digest(vectors: &[Vec<f64>]) -> blake3::Hash {
+    let mut hasher = blake3::Hasher::new();
+    for vector in vectors {
+        hasher.update(&(vector.len() as u64).to_le_bytes());
+        for value in vector {
+            hasher.update(&value.to_le_bytes());
+        }
+    }
+    hasher.finalize()
+}
+
 /// Answers the question by the claim that the operator kept, or else by `work`, whose products only confirm a result. `work` is told
-/// whether products cost nothing; if they do, the operator may keep the claim that it returns. Returns this flag and the answer. There is
-/// no answer if `work` returns none, or if the products come from the recorded photos of a run without the claim, because these include no
-/// photos for a confirmation. Fails with the errors of `work`, and of [`Operator::claim`] and [`Operator::keep_claim`].
-pub fn confirming<O: Operator + ?Sized, T: Serialize + DeserializeOwned>(
+/// whether products cost nothing; if they do, the operator may keep the claim that it returns. A kept claim whose findings do not fit the
+/// operator is not used.
+///
+/// Returns whether products cost nothing, and the answer. There is no answer if `work` returns none, or if the products come from the
+/// recorded photos of a run that does not keep the claim. Fails with the errors of `work`, [`Operator::claim`] and [`Operator::keep_claim`].
+pub(crate) fn confirming<O: Operator + ?Sized, T: Serialize + DeserializeOwned>(
     operator: &mut O,
     question: Question,
+    fits: impl Fn(&T) -> bool,
     work: impl FnOnce(&mut O, bool) -> Result<Option<(Completeness, T)>>,
 ) -> Result<(bool, Option<Claimed<T>>)> {
     let is_free = operator.confirming(true);
-    let claimed = question.answer(operator, is_free, work);
+    let claimed = question.answer(operator, is_free, fits, work);
     operator.confirming(false);
     match claimed {
         Err(Error::NotTaken { .. }) if is_free => Ok((is_free, None)),

@@ -36,7 +36,7 @@ impl Lab {
             };
             // The block is limited by the number of photos and by the number of pixels.
             let block = block.min(photos).min(projector.pixels());
-            let beside = smooth_starts(projector, block.max(1) - 1, seed);
+            let beside = smooth_starts(projector, 0..block.max(1) - 1, seed);
             let options = LowRankCapture { photos, start: None, beside, map: None };
             lab.expect(photos);
             let mut operators = lab.operators(if is_apart { Part::Global } else { Part::Full })?;

@@ -14,7 +14,7 @@ use crate::transport::Part;
 /// `y = P x` for one part `P` and one channel of the light transport matrix. Each product is one photo, either simulated or taken by a rig.
 ///
 /// The operator shares ownership of the light transport, so it can outlive the laboratory and move to another thread. Only one operator of
-/// a laboratory works at a time. In a run with a folder, each product is stored in the journal first, so that no photo is taken twice.
+/// a laboratory works at a time. In a run with a folder, each photo is stored in the journal first, so that none is taken twice.
 pub struct LabOperator {
     transport: Arc<Mutex<LightTransport>>,
     shape: Shape,

@@ -154,7 +154,11 @@ impl LightTransport {
 
     /// The claim about the products of one part and channel that the run keeps for this question ([`Operator::claim`]).
     pub(super) fn claim(&mut self, of: (Part, usize), question: &str) -> Result<Option<Vec<u8>>> {
-        self.journal.as_mut().map_or(Ok(None), |journal| journal.read_note(&claim_name(of, question)))
+        let Some(journal) = &mut self.journal else { return Ok(None) };
+        let known = journal.damages().len();
+        let claim = journal.read_note(&claim_name(of, question));
+        warn_of_new_damages(journal, known, &self.observer);
+        claim
     }
 
     /// Keeps a claim with the run, if there is one ([`Operator::keep_claim`]).

@@ -59,7 +59,7 @@ fn parted(bench: &mut Bench, side: usize) -> Result<(Plot, Vec<Check>)> {
     let krylov = curve(lanczos(&mut photos, &graph, PHOTOS)?);
     let n = stage.pixels();
     let signs = Start::Rademacher { seed: SEED }.block(n, PHOTOS / 2);
-    let smooth = smooth_starts(stage.resolution, PHOTOS / 2, SEED);
+    let smooth = smooth_starts(stage.resolution, 0..PHOTOS / 2, SEED);
     let signs = curve(sketch(&mut photos, &graph, &signs)?);
     let smooth = curve(sketch(&mut photos, &graph, &smooth)?);
     let at_end = |curve: &[(f64, f64)]| curve.last().map_or(f64::NAN, |(_, apart)| *apart);
@@ -93,7 +93,7 @@ fn compensation(bench: &mut Bench, side: usize) -> Result<(Vec<Plot>, Vec<Panel>
     let minres = target_light.run(&mut photos, (Method::Minres, false), FEW)?;
     let signs = Start::Rademacher { seed: SEED }.block(stage.pixels(), PHOTOS);
     let signs = fitted(&mut photos, &target_light, &signs)?;
-    let smooth = smooth_starts(stage.resolution, PHOTOS, SEED);
+    let smooth = smooth_starts(stage.resolution, 0..PHOTOS, SEED);
     let smooth = fitted(&mut photos, &target_light, &smooth)?;
     let share_to = |run: &MethodRun, of: &MethodRun| {
         good_from(&counted(&run.answered), |residual| residual <= of.answered_at(PHOTOS)) / PHOTOS as f64

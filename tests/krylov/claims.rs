@@ -159,13 +159,18 @@ fn a_claim_answers_no_other_question_and_no_other_operator() {
         EigsOptions { which: Which::LargestMagnitude, ..options.clone() },
         EigsOptions { tolerance: 1e-7, ..options.clone() },
         EigsOptions { start: Start::Random { seed: 1 }, ..options.clone() },
-        EigsOptions { confirm: share(0.02), ..options.clone() },
+        EigsOptions { confirm: share(0.005), ..options.clone() },
         EigsOptions { noise: 1e-9, ..options.clone() },
     ] {
         let (found, products) = ask(&simple, &other);
         assert_eq!(found.confirming, products, "{other:?}");
         assert!(products > 0, "{other:?}");
         assert_eq!(ask(&simple, &other).1, 0, "its own claim was kept");
+    }
+    // A claim with a smaller share says more, and the default is the share that was asked for.
+    for weaker in [share(0.05), None] {
+        let (found, products) = ask(&simple, &EigsOptions { confirm: weaker, ..options.clone() });
+        assert_eq!((found.completeness, products), (first.completeness, 0));
     }
     // The largest value of these operators is that of the first, but the claim does not hold for the others.
     for second in [5.0, 5.0 - 1e-6, 4.5] {
@@ -180,18 +185,91 @@ fn a_claim_answers_no_other_question_and_no_other_operator() {
 }
 
 #[test]
+fn given_vectors_and_multiples_of_an_operator_are_other_questions() {
+    let diagonal = |largest: &[f64]| -> Dense {
+        let values: Vec<f64> =
+            (0..80).map(|k| largest.get(k).copied().unwrap_or(1.0 / f64::from(k as u32))).collect();
+        Dense::diagonal(&values)
+    };
+    let unit = |at: usize| -> Vec<f64> { (0..80).map(|k| f64::from(u8::from(k == at))).collect() };
+    let given = |zeros: &[usize]| -> Start {
+        Start::Given((0..80).map(|k| if zeros.contains(&k) { 0.0 } else { 1.0 + k as f64 / 80.0 }).collect())
+    };
+    let options = |count: usize, start: Start, deflate: Vec<Vec<f64>>| EigsOptions {
+        count,
+        products: 70,
+        start,
+        deflate,
+        ..EigsOptions::default()
+    };
+    let ask = |matrix: &Dense, options: &EigsOptions, claims: &mut BTreeMap<String, Vec<u8>>| -> Eigs {
+        eigs(&mut Run::new(matrix, claims), options).unwrap()
+    };
+    // The start has no part along the two largest, of which one is deflated.
+    let (matrix, mut claims) = (diagonal(&[7.0, 6.0, 5.0, 3.0]), BTreeMap::new());
+    for (deflated, expected) in [(0, 6.0), (1, 7.0)] {
+        let found = ask(&matrix, &options(1, given(&[0, 1]), vec![unit(deflated)]), &mut claims);
+        assert!(
+            (found.values[0] - expected).abs() < 1e-7 && found.vectors[0][deflated].abs() < 1e-7,
+            "{found:?}"
+        );
+    }
+    // The start has a part along one of two copies, and the confirmation finds the other one.
+    let (matrix, mut claims) = (diagonal(&[5.0, 5.0, 3.0]), BTreeMap::new());
+    for missing in [1, 0] {
+        let found = ask(&matrix, &options(2, given(&[missing]), Vec::new()), &mut claims);
+        assert!(found.values.iter().all(|value| (value - 5.0).abs() < 1e-7), "{:?}", found.values);
+        assert!(krylux::krylov::dot(&found.vectors[0], &found.vectors[1]).abs() < 1e-7);
+    }
+    let mut claims = BTreeMap::new();
+    for factor in [1.0, 2.0, 0.5] {
+        let multiple = diagonal(&[5.0, 5.0, 3.0].map(|value| value * factor));
+        let multiple = Dense {
+            entries: (0..80 * 80)
+                .map(|k| if k / 80 == k % 80 && k / 80 > 2 { factor } else { 1.0 } * multiple.entries[k])
+                .collect(),
+            ..multiple
+        };
+        let found = ask(&multiple, &options(2, Start::default(), Vec::new()), &mut claims);
+        assert!(found.values.iter().all(|value| (value - 5.0 * factor).abs() < 1e-6), "{:?}", found.values);
+    }
+}
+
+#[test]
 fn a_claim_that_cannot_be_read_is_confirmed_again() {
-    let matrix = Dense::turned(&(0..150).map(|k| 1.0 / (1.0 + f64::from(k))).collect::<Vec<f64>>());
+    // Two copies, of which a confirmation finds the second.
+    let values = (0..150).map(|k| 1.0 / (1.0 + f64::from(k / 2))).collect::<Vec<f64>>();
+    let matrix = Dense::turned(&values);
     let options = EigsOptions { count: 3, products: 60, ..EigsOptions::default() };
+    let singular_options = SingularOptions { count: 3, products: 120, ..SingularOptions::default() };
     let mut claims = BTreeMap::new();
     let first = eigs(&mut Run::new(&matrix, &mut claims), &options).unwrap();
-    let whole = claims.values().next().unwrap().clone();
-    for length in (0..whole.len()).step_by(7) {
-        claims.values_mut().for_each(|claim| *claim = whole[..length].to_vec());
-        claims.retain(|question, _| question.ends_with("; 0"));
-        let mut run = Run::new(&matrix, &mut claims);
+    let triplets = singular(&mut Run::new(&matrix, &mut claims), &singular_options).unwrap();
+    assert!(claims.len() == 2 && first.confirming > 0 && triplets.confirming > 0);
+    let whole = claims.clone();
+    let lengths = whole.values().map(Vec::len).max().unwrap();
+    for length in (0..lengths).step_by(97) {
+        let mut cut = whole.clone();
+        cut.values_mut().for_each(|claim| claim.truncate(claim.len() * length / lengths));
+        let mut run = Run::new(&matrix, &mut cut);
         let again = eigs(&mut run, &options).unwrap();
         assert_eq!((bits(&again), run.confirming), (bits(&first), first.confirming), "{length}");
+        let mut run = Run::new(&matrix, &mut cut);
+        let again = singular(&mut run, &singular_options).unwrap();
+        assert_eq!((bits(&again), run.confirming), (bits(&triplets), triplets.confirming), "{length}");
+    }
+    // A stranger may write anything: no claim ends the program or gives vectors of another length.
+    let mut random = Pcg64::seed_from_u64(5);
+    for _ in 0..300 {
+        let mut forged = whole.clone();
+        for claim in forged.values_mut() {
+            let at = random.random_range(0..claim.len());
+            claim[at] = random.random();
+        }
+        let again = eigs(&mut Run::new(&matrix, &mut forged), &options).unwrap();
+        assert!(again.vectors.iter().all(|vector| vector.len() == 150) && again.values.len() == 3);
+        let again = singular(&mut Run::new(&matrix, &mut forged), &singular_options).unwrap();
+        assert!(again.left.iter().chain(&again.right).all(|vector| vector.len() == 150));
     }
 }
 

@@ -1,5 +1,7 @@
 //! The photos of a low-rank model: a Krylov process that stores its photos.
 
+use std::ops::Range;
+
 use super::LowRank;
 use super::model::add;
 use crate::analysis::probe::{default_sigma, smooth_patterns};
@@ -26,13 +28,13 @@ pub struct LowRankCapture {
     pub map: Option<Csr>,
 }
 
-/// Returns `count` smooth random patterns (`n` each) for [`LowRankCapture::beside`]. They are random signs blurred by a sixteenth of the
-/// width, because global light and natural images are smooth as well.
+/// Returns the smooth random patterns (`n` each) at these places of the sequence of this seed, for [`LowRankCapture::beside`]. They are
+/// random signs blurred by a sixteenth of the width, because global light and natural images are smooth as well.
 ///
 /// For an egg carton at 100×100, a model of 40 photos with eleven of these starts in addition to white relights checkerboards, stripes and
 /// a half-lit field with errors of 3.2 to 4.7 %. With white alone, it relights four natural images with errors of 2.2 to 5.9 %.
-pub fn smooth_starts(resolution: Resolution, count: usize, seed: u64) -> Vec<Vec<f64>> {
-    smooth_patterns(resolution, std::f64::consts::SQRT_2 * default_sigma(resolution), count, seed)
+pub fn smooth_starts(resolution: Resolution, places: Range<usize>, seed: u64) -> Vec<Vec<f64>> {
+    smooth_patterns(resolution, std::f64::consts::SQRT_2 * default_sigma(resolution), places, seed)
 }
 
 impl Default for LowRankCapture {

@@ -13,15 +13,18 @@ mod masked;
 #[cfg(test)]
 mod tests_of_masks;
 
+use std::ops::Range;
+
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use rayon::prelude::*;
 
 pub use epipolar::epipolar_lines_of_map;
 pub use mask::Mask;
 pub use masked::probe_masked;
 
 use crate::error::{Error, Result};
-use crate::image::Resolution;
+use crate::image::{Resolution, add_weighted};
 use crate::operator::{Operator, product};
 use crate::sparse::Csr;
 
@@ -211,11 +214,18 @@ impl Samples {
     }
 }
 
-/// Returns `count` random patterns (`n` each). Their correlation is a Gaussian of `sigma` pixels with the value 1 at distance 0.
-pub(super) fn smooth_patterns(resolution: Resolution, sigma: f64, count: usize, seed: u64) -> Vec<Vec<f64>> {
+/// Returns the random patterns (`n` each) at these places of the sequence of this seed. Their correlation is a Gaussian of `sigma` pixels
+/// with the value 1 at distance 0.
+pub(super) fn smooth_patterns(
+    resolution: Resolution,
+    sigma: f64,
+    places: Range<usize>,
+    seed: u64,
+) -> Vec<Vec<f64>> {
     let mut random = Pcg64::seed_from_u64(seed);
     let kernel = kernel(sigma);
-    (0..count).map(|_| Signs::draw(resolution, kernel.len() / 2, &mut random).smoothed(&kernel)).collect()
+    let signs = (0..places.end).map(|_| Signs::draw(resolution, kernel.len() / 2, &mut random));
+    signs.skip(places.start).map(|signs| signs.smoothed(&kernel)).collect()
 }
 
 fn correlation(operator: &mut dyn Operator, homes: Option<&Homes>, pattern: &[f64]) -> Result<Vec<f64>> {
@@ -253,19 +263,18 @@ impl Signs {
     /// Convolves along rows, then along columns, and removes the margin.
     fn smoothed(&self, kernel: &[f64]) -> Vec<f64> {
         let Resolution { width, height } = self.resolution;
-        let stride = width + 2 * self.margin;
         let first = self.margin - kernel.len() / 2;
-        let tap = |at: &dyn Fn(usize) -> f64| -> f64 {
-            kernel.iter().enumerate().map(|(k, weight)| weight * at(first + k)).sum()
-        };
-        let rows: Vec<f64> = (0..height + 2 * self.margin)
-            .flat_map(|y| (0..width).map(move |x| (x, y)))
-            .map(|(x, y)| tap(&|k| self.values[y * stride + x + k]))
-            .collect();
-        (0..height)
-            .flat_map(|y| (0..width).map(move |x| (x, y)))
-            .map(|(x, y)| tap(&|k| rows[(y + k) * width + x]))
-            .collect()
+        let mut rows = vec![0.0; width * (height + 2 * self.margin)];
+        let from = self.values.par_chunks(width + 2 * self.margin);
+        rows.par_chunks_mut(width).zip(from).for_each(|(to, from)| {
+            add_weighted(to, kernel.iter().enumerate().map(|(k, weight)| (*weight, &from[first + k..])));
+        });
+        let mut picture = vec![0.0; width * height];
+        picture.par_chunks_mut(width).enumerate().for_each(|(y, to)| {
+            let row = |k: usize| &rows[(y + first + k) * width..];
+            add_weighted(to, kernel.iter().enumerate().map(|(k, weight)| (*weight, row(k))));
+        });
+        picture
     }
 }
 

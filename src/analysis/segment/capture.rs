@@ -266,11 +266,11 @@ fn starts(options: &SegmentOptions, graph: &Graph, before: usize) -> Vec<Vec<f64
             Start::Random { seed }.block(m, count)
         }
         Some(resolution) => {
-            let patterns = smooth_starts(resolution, before + count, options.seed);
+            let patterns = smooth_starts(resolution, before..before + count, options.seed);
             let nodes = |pattern: &Vec<f64>| {
                 graph.pixels().iter().zip(&known).map(|(&pixel, known)| pattern[pixel] * known).collect()
             };
-            patterns[before..].iter().map(nodes).collect()
+            patterns.iter().map(nodes).collect()
         }
     }
 }

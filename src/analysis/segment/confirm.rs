@@ -7,7 +7,8 @@ use super::regions::KEPT;
 use super::{CutMatrix, SegmentOptions};
 use crate::error::Result;
 use crate::krylov::{
-    Claimed, Completeness, Confirm, Factorization, Question, RitzPair, Which, confirming, largest_beside,
+    Claimed, Completeness, Confirm, Factorization, Question, RitzPair, Start, Which, confirming,
+    largest_beside,
 };
 use crate::operator::Operator;
 
@@ -30,15 +31,23 @@ pub(super) fn unseen(
     lanczos: &Factorization,
     options: &SegmentOptions,
 ) -> Result<Unseen> {
+    let SegmentOptions { cut, seed, confirm, .. } = *options;
+    if cut != Cut::Normalized {
+        return Ok(Unseen::default());
+    }
     let pairs = lanczos.ritz(Which::LargestAlgebraic, lanczos.steps())?;
-    let text = format!("regions, {:?}, seed {}, {:?}", options.cut, options.seed, options.confirm);
     let values: Vec<f64> = pairs.iter().map(|pair| pair.value).collect();
-    let question = Question::new(text, &values, &[], &[]);
-    let (is_free, claimed) = confirming(global, question, |global, is_free| {
-        let how = if is_free { Some(options.confirm.unwrap_or_default()) } else { options.confirm };
-        let how = how.filter(|_| options.cut == Cut::Normalized);
-        how.map(|how| beside(global, graph, (lanczos, &pairs), (options.seed, how))).transpose()
-    })?;
+    let start = Start::Random { seed };
+    let question = Question::new("regions", confirm, (&start, &[]), (&[&values], &[]));
+    let (is_free, claimed) = confirming(
+        global,
+        question,
+        |_| true,
+        |global, is_free| {
+            let how = if is_free { Some(confirm.unwrap_or_default()) } else { confirm };
+            how.map(|how| beside(global, graph, (lanczos, &pairs), (seed, how))).transpose()
+        },
+    )?;
     let Some(Claimed { completeness, more: (missed, photos), .. }) = claimed else {
         return Ok(Unseen::default());
     };

@@ -6,7 +6,7 @@ use super::{Eigs, EigsOptions, Found};
 use crate::error::Result;
 use crate::krylov::claim::{Claimed, Question};
 use crate::krylov::completeness::{
-    Completeness, Confirm, Confirmable, Confirmed, MOST, Status, confirm_by, confirming_step, slack,
+    Completeness, Confirm, Confirmable, Confirmed, Findings, MOST, Status, confirm_by, confirming_step, slack,
 };
 use crate::krylov::factor::{Factorization, PairStatus, Placed, RitzPair, Which, temple_kato};
 use crate::krylov::start::{seed_of, seeded};
@@ -50,33 +50,32 @@ pub(super) fn is_due(operator: &dyn Operator, found: &Eigs, options: &EigsOption
 /// The question whether these pairs are all that were asked for.
 pub(super) fn question(found: &Eigs, options: &EigsOptions) -> Question {
     let EigsOptions { count, which, tolerance, noise, start, deflate, confirm, .. } = options;
-    let text = format!(
-        "eigenvalues, {count} {which:?}, tolerance {tolerance:e}, noise {noise:.3e}, seed {}, {} known, {confirm:?}",
-        start.seed(),
-        deflate.len()
-    );
-    Question::new(text, &found.values, &found.residuals, &found.history)
+    let method = format!("eigenvalues, {count} {which:?}, tolerance {tolerance:e}, noise {noise:.3e}");
+    let numbers: [&[f64]; 2] = [&found.values, &found.residuals];
+    Question::new(&method, *confirm, (start, deflate), (&numbers, &found.history))
 }
 
-/// Pairs that a search missed and one process of its confirmation found.
-#[derive(Clone, Serialize, Deserialize)]
-struct Missed {
-    pairs: Vec<RitzPair>,
-    vectors: Vec<Vec<f64>>,
-    /// [`Operator::common_error`] of each vector.
-    common: Vec<f64>,
-    asymmetry: f64,
-    scale: f64,
-}
-
-/// The findings of a confirmation beside its claim.
+/// Pairs that a search missed and one process of its confirmation found, with the fields of [`Eigs`].
 #[derive(Serialize, Deserialize)]
-pub(super) struct Findings {
-    /// The missed pairs of each process, in order.
-    missed: Vec<Missed>,
-    products: usize,
-    /// True if a missed pair was found but has not converged.
-    is_open: bool,
+pub(super) struct Missed {
+    values: Vec<f64>,
+    residuals: Vec<f64>,
+    standard_errors: Vec<f64>,
+    bounds: Vec<f64>,
+    gap_bounds: Vec<f64>,
+    statuses: Vec<PairStatus>,
+    vectors: Vec<Vec<f64>>,
+    asymmetry: f64,
+}
+
+impl Missed {
+    /// Whether these are pairs of an operator of `n × n`.
+    pub(super) fn fits(&self, n: usize) -> bool {
+        let Self { values, residuals, standard_errors, bounds, gap_bounds, statuses, vectors, .. } = self;
+        let lengths = [residuals, standard_errors, bounds, gap_bounds].map(Vec::len);
+        let lengths = lengths.into_iter().chain([statuses.len(), vectors.len()]);
+        lengths.into_iter().all(|length| length == values.len()) && vectors.iter().all(|v| v.len() == n)
+    }
 }
 
 /// Does the work of [`confirm()`] for a result for which it is due, and inserts the missed pairs.
@@ -85,7 +84,7 @@ pub(super) fn search_missed(
     found: &mut Eigs,
     options: &EigsOptions,
     confirm: &Confirm,
-) -> Result<(Completeness, Findings)> {
+) -> Result<(Completeness, Findings<Missed>)> {
     let scale = found.values.iter().fold(0.0, |scale, value| value.abs().max(scale));
     let noise = if confirm.is_frozen { 0.0 } else { options.noise };
     let (most, products, missed) = (confirm.products, 0, Vec::new());
@@ -99,11 +98,11 @@ pub(super) fn search_missed(
 
 impl Eigs {
     /// Applies the answer of a confirmation.
-    pub(super) fn claim(&mut self, claimed: Claimed<Findings>, options: &EigsOptions) {
+    pub(super) fn claim(&mut self, claimed: Claimed<Findings<Missed>>, options: &EigsOptions) {
         let Claimed { completeness, more: Findings { missed, products, is_open }, is_kept } = claimed;
         if is_kept {
-            self.confirming += products;
-            missed.into_iter().for_each(|missed| self.insert(missed, options));
+            self.confirming = self.confirming.saturating_add(products);
+            missed.iter().for_each(|missed| self.insert(missed, options));
         }
         self.completeness = completeness;
         if is_open {
@@ -112,30 +111,26 @@ impl Eigs {
     }
 
     /// Inserts the missed pairs in their order, and keeps only the requested number of pairs.
-    fn insert(&mut self, missed: Missed, options: &EigsOptions) {
-        let Missed { pairs, vectors, common, asymmetry, scale } = missed;
-        let rows = vectors.first().map_or(0, Vec::len);
-        let imaginary = vec![Vec::new(); pairs.len()];
-        let new = Found { pairs: &pairs, vectors, common, imaginary, scale, rows };
-        let new = new.eigs(options, asymmetry, Vec::new(), self.stats);
-        self.asymmetry = self.asymmetry.max(new.asymmetry);
-        let all = self.values.iter().chain(&new.values);
+    fn insert(&mut self, missed: &Missed, options: &EigsOptions) {
+        self.asymmetry = self.asymmetry.max(missed.asymmetry);
+        let all = self.values.iter().chain(&missed.values);
         let complex: Vec<(f64, f64)> = all.map(|&value| (value, 0.0)).collect();
         let mut order = options.which.order(&complex);
         order.truncate(options.count);
+        let zeros = vec![0.0; missed.values.len()];
         for (entries, new) in [
-            (&mut self.values, new.values),
-            (&mut self.imaginary_values, new.imaginary_values),
-            (&mut self.residuals, new.residuals),
-            (&mut self.standard_errors, new.standard_errors),
-            (&mut self.bounds, new.bounds),
-            (&mut self.gap_bounds, new.gap_bounds),
+            (&mut self.values, &missed.values),
+            (&mut self.imaginary_values, &zeros),
+            (&mut self.residuals, &missed.residuals),
+            (&mut self.standard_errors, &missed.standard_errors),
+            (&mut self.bounds, &missed.bounds),
+            (&mut self.gap_bounds, &missed.gap_bounds),
         ] {
             join(entries, new, &order);
         }
-        join(&mut self.vectors, new.vectors, &order);
-        join(&mut self.imaginary_vectors, new.imaginary_vectors, &order);
-        join(&mut self.statuses, new.statuses, &order);
+        join(&mut self.vectors, &missed.vectors, &order);
+        join(&mut self.imaginary_vectors, &vec![Vec::new(); missed.values.len()], &order);
+        join(&mut self.statuses, &missed.statuses, &order);
         // The inserted values reduce the gaps, so the gap bounds are computed again from all values.
         for index in 0..self.values.len() {
             let others = (0..self.values.len()).filter(|other| *other != index);
@@ -262,10 +257,16 @@ impl Confirmable for Confirmation<'_> {
             missed.iter().map(|pair| process.ritz_vector(pair)).collect::<Result<_>>()?;
         let common =
             vectors.iter().map(|vector| self.operator.common_error(vector)).collect::<Result<_>>()?;
-        let (pairs, asymmetry, scale) = (missed.to_vec(), process.asymmetry(), self.scale);
-        let missed = Missed { pairs, vectors, common, asymmetry, scale };
-        self.missed.push(missed.clone());
-        self.found.insert(missed, self.options);
+        let imaginary = vec![Vec::new(); missed.len()];
+        let new = Found { pairs: missed, vectors, common, imaginary, scale: self.scale, rows: process.n() };
+        let new = new.eigs(self.options, process.asymmetry(), Vec::new(), self.found.stats);
+        let Eigs {
+            values, vectors, residuals, standard_errors, bounds, gap_bounds, statuses, asymmetry, ..
+        } = new;
+        let missed =
+            Missed { values, residuals, standard_errors, bounds, gap_bounds, statuses, vectors, asymmetry };
+        self.found.insert(&missed, self.options);
+        self.missed.push(missed);
         Ok(())
     }
 }
@@ -325,7 +326,7 @@ pub fn largest_beside(
 }
 
 /// Appends the new entries, and then arranges all entries by the indices in `order`. Entries that `order` omits are dropped.
-fn join<T: Clone>(entries: &mut Vec<T>, new: Vec<T>, order: &[usize]) {
-    entries.extend(new);
-    *entries = order.iter().map(|&index| entries[index].clone()).collect();
+fn join<T: Clone>(entries: &mut Vec<T>, new: &[T], order: &[usize]) {
+    let at = |&index: &usize| entries.get(index).unwrap_or_else(|| &new[index - entries.len()]).clone();
+    *entries = order.iter().map(at).collect();
 }

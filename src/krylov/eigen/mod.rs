@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 use power::power;
 
 use super::claim::confirming;
-use super::completeness::{Completeness, Confirm, FurtherSteps, Recorder, Stats, Status};
+use super::completeness::{Completeness, Confirm, Findings, FurtherSteps, Recorder, Stats, Status};
 use super::factor;
 use super::factor::{Factorization, PairStatus, Resident, RitzPair, Which};
 use super::powers::{Rescaled, multiply_eigs, scaled};
@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 use crate::operator::Operator;
 
 pub use confirm::{Beside, confirm, largest_beside};
-use confirm::{is_due, question, search_missed};
+use confirm::{Missed, is_due, question, search_missed};
 
 /// A method that finds eigenpairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -188,7 +188,7 @@ impl EigsOptions {
 /// may have been missed.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis`, `EigsOptions::noise` or `--which` if its value
+/// [`Error::Option`] naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis`, `EigsOptions::noise`, `--confirm`, `Confirm::chance` or `--which` if its value
 /// cannot be used; the errors of [`Factorization::lanczos`] and [`Factorization::expand`]. If an operator fails, the products taken so far
 /// are lost. To keep them, make the factorization separately and use [`eigs_from`].
 pub fn eigs(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
@@ -222,7 +222,8 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
         return Ok(found);
     }
     let left = options.products.saturating_sub(found.stats.products);
-    let (is_free, claimed) = confirming(operator, question(&found, options), |operator, is_free| {
+    let fits = |more: &Findings<Missed>| more.missed.iter().all(|missed| missed.fits(n));
+    let (is_free, claimed) = confirming(operator, question(&found, options), fits, |operator, is_free| {
         let how = Confirm::of(options.confirm, is_free, broke_down, left);
         how.map(|how| search_missed(operator, &mut found, options, &how)).transpose()
     })?;

@@ -60,7 +60,7 @@ impl Which {
 }
 
 /// The status of an approximate eigenpair.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum PairStatus {
     /// The residual and the noise of the products are both within the tolerance.
     Converged,
@@ -84,7 +84,7 @@ impl PairStatus {
 }
 
 /// A Ritz pair `(θ, y = V s)`: the Rayleigh–Ritz approximation of an eigenpair from the subspace.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct RitzPair {
     /// `θ` (its real part), approximating an eigenvalue.
     pub value: f64,

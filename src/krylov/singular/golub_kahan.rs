@@ -12,7 +12,6 @@ use crate::krylov::start::{seed_of, seeded};
 use crate::operator::{Adjoint, Direction, Sums, Vectors};
 
 /// One approximate singular triplet, in the coordinates of the two bases.
-#[derive(Clone, serde::Serialize, serde::Deserialize)]
 pub(super) struct Triplet {
     pub(super) value: f64,
     /// The coefficients of `u` on the left basis.

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::claim::{Claimed, Question, confirming};
 use super::completeness::{
-    Completeness, Confirm, Confirmable, FurtherSteps, Recorder, Stats, Status, confirm_by, confirming_step,
-    slack,
+    Completeness, Confirm, Confirmable, Findings, FurtherSteps, Recorder, Stats, Status, confirm_by,
+    confirming_step, slack,
 };
 use super::eigen::HistoryRow;
 use super::factor::PairStatus;
@@ -87,7 +87,7 @@ pub struct Singular {
 /// References: Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix* (1965), doi:10.1137/0702016.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--count` or `--photos`; [`Error::Dimension`] for a start of another length; [`Error::Numerical`] for NaN or a
+/// [`Error::Option`] naming `--count`, `--photos`, `--confirm` or `Confirm::chance`; [`Error::Dimension`] for a start of another length; [`Error::Numerical`] for NaN or a
 /// start of zeros; the error of a product.
 pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<Singular> {
     let mut operator = Rescaled::new(operator);
@@ -132,11 +132,13 @@ fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<
     };
     process.download()?;
     let mut found = answer(&process, &triplets, options, recorder.history, status);
-    if !is_due(operator, &mut found, options) {
+    if !is_due(&found, options) {
         return Ok(found);
     }
     let left = options.products.saturating_sub(found.stats.products);
-    let (is_free, claimed) = confirming(operator, question(&found, options), |operator, is_free| {
+    let size = [operator.rows(), operator.cols()];
+    let fits = |more: &Findings<Vec<Missed>>| more.missed.iter().flatten().all(|missed| missed.fits(size));
+    let (is_free, claimed) = confirming(operator, question(&found, options), fits, |operator, is_free| {
         let how = Confirm::of(options.confirm, is_free, process.broke_down(), left);
         how.map(|how| search_missed(operator, &mut found, options, &how)).transpose()
     })?;
@@ -205,49 +207,43 @@ pub fn confirm_singular(
     confirm: &Confirm,
 ) -> Result<()> {
     confirm.check()?;
-    if is_due(operator, found, options) {
+    if is_due(found, options) {
         let (completeness, more) = search_missed(operator, found, options, confirm)?;
         found.claim(Claimed { completeness, more, is_kept: false }, options);
     }
     Ok(())
 }
 
-/// Whether [`confirm_singular`] takes products for this result. If all singular values were found, none is missing.
-fn is_due(operator: &dyn Adjoint, found: &mut Singular, options: &SingularOptions) -> bool {
+/// Whether this result can be confirmed.
+fn is_due(found: &Singular, options: &SingularOptions) -> bool {
     let ended = matches!(found.stats.status, Status::ReachedTolerance | Status::NoiseFloor);
-    let count = found.values.len();
-    if !ended || count != options.count || found.completeness.is_known() {
-        return false;
-    }
-    let settled = found.statuses.iter().all(|&status| status == PairStatus::Converged);
-    if count == operator.rows().min(operator.cols()) && settled {
-        found.completeness = Completeness::Exact;
-        return false;
-    }
-    true
+    ended && found.values.len() == options.count && !found.completeness.is_known()
 }
 
 /// The question whether these triplets are all that were asked for.
 fn question(found: &Singular, options: &SingularOptions) -> Question {
     let SingularOptions { count, tolerance, noise, start, confirm, .. } = options;
-    let text = format!(
-        "singular values, {count}, tolerance {tolerance:e}, noise {noise:.3e}, seed {}, {confirm:?}",
-        start.seed()
-    );
-    Question::new(text, &found.values, &found.residuals, &found.history)
+    let method = format!("singular values, {count}, tolerance {tolerance:e}, noise {noise:.3e}");
+    let numbers: [&[f64]; 2] = [&found.values, &found.residuals];
+    Question::new(&method, *confirm, (start, &[]), (&numbers, &found.history))
 }
 
-/// A triplet that a search missed, with `u` and `v`.
-type Missed = (Triplet, [Vec<f64>; 2]);
-
-/// The findings of a confirmation beside its claim.
+/// A triplet that a search missed, with the fields of [`Singular`].
 #[derive(Serialize, Deserialize)]
-struct Findings {
-    /// The missed triplets of each process, in order.
-    missed: Vec<Vec<Missed>>,
-    products: usize,
-    /// True if a missed triplet was found but has not converged.
-    is_open: bool,
+struct Missed {
+    value: f64,
+    left: Vec<f64>,
+    right: Vec<f64>,
+    residual: f64,
+    standard_error: f64,
+    status: PairStatus,
+}
+
+impl Missed {
+    /// Whether this is a triplet of an operator of this size.
+    fn fits(&self, size: [usize; 2]) -> bool {
+        [self.left.len(), self.right.len()] == size
+    }
 }
 
 /// Does the work of [`confirm_singular`] for a result for which it is due, and inserts the missed triplets.
@@ -256,7 +252,12 @@ fn search_missed(
     found: &mut Singular,
     options: &SingularOptions,
     confirm: &Confirm,
-) -> Result<(Completeness, Findings)> {
+) -> Result<(Completeness, Findings<Vec<Missed>>)> {
+    let settled = found.statuses.iter().all(|&status| status == PairStatus::Converged);
+    if found.values.len() == operator.rows().min(operator.cols()) && settled {
+        let findings = Findings { missed: Vec::new(), products: 0, is_open: false };
+        return Ok((Completeness::Exact, findings));
+    }
     let noise = if confirm.is_frozen { 0.0 } else { options.noise };
     let (most, products, missed, count) = (confirm.products, 0, Vec::new(), found.values.len());
     let mut search = Confirmation { operator, options, found, noise, most, products, missed };
@@ -273,11 +274,11 @@ impl Singular {
     }
 
     /// Applies the answer of a confirmation.
-    fn claim(&mut self, claimed: Claimed<Findings>, options: &SingularOptions) {
+    fn claim(&mut self, claimed: Claimed<Findings<Vec<Missed>>>, options: &SingularOptions) {
         let Claimed { completeness, more: Findings { missed, products, is_open }, is_kept } = claimed;
         if is_kept {
-            self.confirming += products;
-            missed.into_iter().for_each(|missed| self.insert(missed, options));
+            self.confirming = self.confirming.saturating_add(products);
+            missed.iter().for_each(|missed| self.insert(missed, options));
         }
         self.completeness = completeness;
         if is_open {
@@ -286,16 +287,15 @@ impl Singular {
     }
 
     /// Inserts the missed triplets in their order, and keeps only the requested number of triplets.
-    fn insert(&mut self, missed: Vec<Missed>, options: &SingularOptions) {
-        for (triplet, [photo, pattern]) in missed {
-            let wanted = options.tolerance * self.largest().max(triplet.value);
-            let at = self.values.partition_point(|&value| value >= triplet.value);
-            self.values.insert(at, triplet.value);
-            self.left.insert(at, photo);
-            self.right.insert(at, pattern);
-            self.residuals.insert(at, triplet.residual);
-            self.standard_errors.insert(at, triplet.standard_error);
-            self.statuses.insert(at, triplet.status(wanted));
+    fn insert(&mut self, missed: &[Missed], options: &SingularOptions) {
+        for missed in missed {
+            let at = self.values.partition_point(|&value| value >= missed.value);
+            self.values.insert(at, missed.value);
+            self.left.insert(at, missed.left.clone());
+            self.right.insert(at, missed.right.clone());
+            self.residuals.insert(at, missed.residual);
+            self.standard_errors.insert(at, missed.standard_error);
+            self.statuses.insert(at, missed.status);
         }
         for numbers in [&mut self.values, &mut self.residuals, &mut self.standard_errors] {
             numbers.truncate(options.count);
@@ -379,10 +379,17 @@ impl Confirmable for Confirmation<'_> {
             return Ok(());
         }
         process.download()?;
-        let missed: Vec<Missed> =
-            missed.iter().map(|triplet| (triplet.clone(), process.vectors(triplet))).collect();
-        self.missed.push(missed.clone());
-        self.found.insert(missed, self.options);
+        let mut largest = self.found.largest();
+        let missed = missed.iter().map(|triplet| {
+            let &Triplet { value, residual, standard_error, .. } = triplet;
+            largest = largest.max(value);
+            let status = triplet.status(self.options.tolerance * largest);
+            let [left, right] = process.vectors(triplet);
+            Missed { value, left, right, residual, standard_error, status }
+        });
+        let missed: Vec<Missed> = missed.collect();
+        self.found.insert(&missed, self.options);
+        self.missed.push(missed);
         Ok(())
     }
 
