@@ -101,10 +101,11 @@ impl Palette {
         let mut free = (0..MASKED_LABEL).filter(|&color| !is_avoided[usize::from(color)]);
         let mut left = (0..MASKED_LABEL)
             .filter(|&color| is_avoided[usize::from(color)] && !is_taken[usize::from(color)]);
-        let is_there = |label: usize| labels.iter().any(|&of| usize::from(of) == label);
+        let mut is_there = [false; 256];
+        labels.iter().for_each(|&label| is_there[usize::from(label)] = true);
         let groups = color_of.iter_mut().enumerate().take(usize::from(MASKED_LABEL));
         for (label, color) in groups.filter(|(_, color)| color.is_none()) {
-            if is_there(label) {
+            if is_there[label] {
                 *color = free.next().or_else(|| left.next());
             }
         }

@@ -98,9 +98,13 @@ impl Values {
 
 /// Floats as text, deflated, in base64. The first bytes of all floats come first, then all second bytes, and so on, which deflates better.
 pub(super) fn packed(planes: &[Vec<f32>]) -> String {
-    let numbers: Vec<[u8; 4]> = planes.iter().flatten().map(|value| value.to_le_bytes()).collect();
-    let mut bytes = Vec::with_capacity(4 * numbers.len());
-    (0..4).for_each(|place| bytes.extend(numbers.iter().map(|number| number[place])));
+    let count = planes.iter().map(Vec::len).sum::<usize>();
+    let mut bytes = vec![0; 4 * count];
+    for (index, value) in planes.iter().flatten().enumerate() {
+        for (place, byte) in value.to_le_bytes().into_iter().enumerate() {
+            bytes[place * count + index] = byte;
+        }
+    }
     deflated(&bytes)
 }
 
