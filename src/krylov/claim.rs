@@ -11,7 +11,7 @@ use crate::operator::Operator;
 
 /// The question whether a search missed anything.
 #[derive(Clone, Debug)]
-pub(crate) struct Question {
+pub(crate) struct ClaimQuestion {
     text: String,
     share: f64,
     numbers: Vec<f64>,
@@ -54,7 +54,7 @@ enum Plain {
     Exact,
 }
 
-impl Question {
+impl ClaimQuestion {
     /// `method` names the method and all options on which its claim depends, except these: the confirmation asked for, the start, and known
     /// vectors. `numbers` are the results of the search and its `history`. With another operator, a process from the same start takes other
     /// values. A kept claim answers only a search with the same numbers, up to 1e-9 of the largest. It may be stronger than the one asked for.
@@ -132,7 +132,7 @@ fn digest(vectors: &[Vec<f64>]) -> blake3::Hash {
 /// recorded photos of a run that does not keep the claim. Fails with the errors of `work`, [`Operator::claim`] and [`Operator::keep_claim`].
 pub(crate) fn confirming<O: Operator + ?Sized, T: Serialize + DeserializeOwned>(
     operator: &mut O,
-    question: Question,
+    question: ClaimQuestion,
     fits: impl Fn(&T) -> bool,
     work: impl FnOnce(&mut O, bool) -> Result<Option<(Completeness, T)>>,
 ) -> Result<(bool, Option<Claimed<T>>)> {

@@ -190,7 +190,7 @@ const PATIENCE: usize = 10;
 
 /// The findings of a confirmation beside its claim. `M` are the pairs that a process found beyond those of the search.
 #[derive(serde::Serialize, serde::Deserialize)]
-pub(super) struct Findings<M> {
+pub(super) struct MissedPairs<M> {
     /// The missed pairs of each process, in order.
     pub(super) missed: Vec<M>,
     /// The number of products.

@@ -44,7 +44,7 @@ mod sweeps;
 
 pub use basis::{dot, norm};
 pub use boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi, Surrogate};
-pub(crate) use claim::{Claimed, Question, confirming};
+pub(crate) use claim::{ClaimQuestion, Claimed, confirming};
 pub use completeness::{Completeness, Confirm, Confirmed, Stats, Status};
 pub use eigen::{
     Beside, Eigs, EigsMethod, EigsOptions, HistoryRow, confirm, eigs, eigs_from, largest_beside,

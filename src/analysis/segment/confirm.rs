@@ -7,7 +7,7 @@ use super::regions::KEPT;
 use super::{CutMatrix, SegmentOptions};
 use crate::error::Result;
 use crate::krylov::{
-    Claimed, Completeness, Confirm, Factorization, Question, RitzPair, Start, Which, confirming,
+    ClaimQuestion, Claimed, Completeness, Confirm, Factorization, RitzPair, Start, Which, confirming,
     largest_beside,
 };
 use crate::operator::Operator;
@@ -38,7 +38,7 @@ pub(super) fn unseen(
     let pairs = lanczos.ritz(Which::LargestAlgebraic, lanczos.steps())?;
     let values: Vec<f64> = pairs.iter().map(|pair| pair.value).collect();
     let start = Start::Random { seed };
-    let question = Question::new("regions", confirm, (&start, &[]), (&[&values], &[]));
+    let question = ClaimQuestion::new("regions", confirm, (&start, &[]), (&[&values], &[]));
     let (is_free, claimed) = confirming(
         global,
         question,

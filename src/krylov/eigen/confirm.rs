@@ -4,9 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{Eigs, EigsOptions, Found};
 use crate::error::Result;
-use crate::krylov::claim::{Claimed, Question};
+use crate::krylov::claim::{ClaimQuestion, Claimed};
 use crate::krylov::completeness::{
-    Completeness, Confirm, Confirmable, Confirmed, Findings, MOST, Status, confirm_by, confirming_step, slack,
+    Completeness, Confirm, Confirmable, Confirmed, MOST, MissedPairs, Status, confirm_by, confirming_step,
+    slack,
 };
 use crate::krylov::factor::{Factorization, PairStatus, Placed, RitzPair, Which, temple_kato};
 use crate::krylov::start::{seed_of, seeded};
@@ -48,11 +49,11 @@ pub(super) fn is_due(operator: &dyn Operator, found: &Eigs, options: &EigsOption
 }
 
 /// The question whether these pairs are all that were asked for.
-pub(super) fn question(found: &Eigs, options: &EigsOptions) -> Question {
+pub(super) fn question(found: &Eigs, options: &EigsOptions) -> ClaimQuestion {
     let EigsOptions { count, which, tolerance, noise, start, deflate, confirm, .. } = options;
     let method = format!("eigenvalues, {count} {which:?}, tolerance {tolerance:e}, noise {noise:.3e}");
     let numbers: [&[f64]; 2] = [&found.values, &found.residuals];
-    Question::new(&method, *confirm, (start, deflate), (&numbers, &found.history))
+    ClaimQuestion::new(&method, *confirm, (start, deflate), (&numbers, &found.history))
 }
 
 /// Pairs that a search missed and one process of its confirmation found, with the fields of [`Eigs`].
@@ -84,7 +85,7 @@ pub(super) fn search_missed(
     found: &mut Eigs,
     options: &EigsOptions,
     confirm: &Confirm,
-) -> Result<(Completeness, Findings<Missed>)> {
+) -> Result<(Completeness, MissedPairs<Missed>)> {
     let scale = found.values.iter().fold(0.0, |scale, value| value.abs().max(scale));
     let noise = if confirm.is_frozen { 0.0 } else { options.noise };
     let (most, products, missed) = (confirm.products, 0, Vec::new());
@@ -93,13 +94,13 @@ pub(super) fn search_missed(
     let Confirmation { products, missed, .. } = search;
     found.confirming += products;
     let (completeness, is_open) = done?;
-    Ok((completeness, Findings { missed, products, is_open }))
+    Ok((completeness, MissedPairs { missed, products, is_open }))
 }
 
 impl Eigs {
     /// Applies the answer of a confirmation.
-    pub(super) fn claim(&mut self, claimed: Claimed<Findings<Missed>>, options: &EigsOptions) {
-        let Claimed { completeness, more: Findings { missed, products, is_open }, is_kept } = claimed;
+    pub(super) fn claim(&mut self, claimed: Claimed<MissedPairs<Missed>>, options: &EigsOptions) {
+        let Claimed { completeness, more: MissedPairs { missed, products, is_open }, is_kept } = claimed;
         if is_kept {
             self.confirming = self.confirming.saturating_add(products);
             missed.iter().for_each(|missed| self.insert(missed, options));

@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 use power::power;
 
 use super::claim::confirming;
-use super::completeness::{Completeness, Confirm, Findings, FurtherSteps, Recorder, Stats, Status};
+use super::completeness::{Completeness, Confirm, FurtherSteps, MissedPairs, Recorder, Stats, Status};
 use super::factor;
 use super::factor::{Factorization, PairStatus, Resident, RitzPair, Which};
 use super::powers::{Rescaled, multiply_eigs, scaled};
@@ -222,7 +222,7 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
         return Ok(found);
     }
     let left = options.products.saturating_sub(found.stats.products);
-    let fits = |more: &Findings<Missed>| more.missed.iter().all(|missed| missed.fits(n));
+    let fits = |more: &MissedPairs<Missed>| more.missed.iter().all(|missed| missed.fits(n));
     let (is_free, claimed) = confirming(operator, question(&found, options), fits, |operator, is_free| {
         let how = Confirm::of(options.confirm, is_free, broke_down, left);
         how.map(|how| search_missed(operator, &mut found, options, &how)).transpose()

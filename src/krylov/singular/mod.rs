@@ -7,9 +7,9 @@ use std::ops::ControlFlow;
 use golub_kahan::{GolubKahan, Triplet};
 use serde::{Deserialize, Serialize};
 
-use super::claim::{Claimed, Question, confirming};
+use super::claim::{ClaimQuestion, Claimed, confirming};
 use super::completeness::{
-    Completeness, Confirm, Confirmable, Findings, FurtherSteps, Recorder, Stats, Status, confirm_by,
+    Completeness, Confirm, Confirmable, FurtherSteps, MissedPairs, Recorder, Stats, Status, confirm_by,
     confirming_step, slack,
 };
 use super::eigen::HistoryRow;
@@ -137,7 +137,7 @@ fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<
     }
     let left = options.products.saturating_sub(found.stats.products);
     let size = [operator.rows(), operator.cols()];
-    let fits = |more: &Findings<Vec<Missed>>| more.missed.iter().flatten().all(|missed| missed.fits(size));
+    let fits = |more: &MissedPairs<Vec<Missed>>| more.missed.iter().flatten().all(|missed| missed.fits(size));
     let (is_free, claimed) = confirming(operator, question(&found, options), fits, |operator, is_free| {
         let how = Confirm::of(options.confirm, is_free, process.broke_down(), left);
         how.map(|how| search_missed(operator, &mut found, options, &how)).transpose()
@@ -221,11 +221,11 @@ fn is_due(found: &Singular, options: &SingularOptions) -> bool {
 }
 
 /// The question whether these triplets are all that were asked for.
-fn question(found: &Singular, options: &SingularOptions) -> Question {
+fn question(found: &Singular, options: &SingularOptions) -> ClaimQuestion {
     let SingularOptions { count, tolerance, noise, start, confirm, .. } = options;
     let method = format!("singular values, {count}, tolerance {tolerance:e}, noise {noise:.3e}");
     let numbers: [&[f64]; 2] = [&found.values, &found.residuals];
-    Question::new(&method, *confirm, (start, &[]), (&numbers, &found.history))
+    ClaimQuestion::new(&method, *confirm, (start, &[]), (&numbers, &found.history))
 }
 
 /// A triplet that a search missed, with the fields of [`Singular`].
@@ -252,10 +252,10 @@ fn search_missed(
     found: &mut Singular,
     options: &SingularOptions,
     confirm: &Confirm,
-) -> Result<(Completeness, Findings<Vec<Missed>>)> {
+) -> Result<(Completeness, MissedPairs<Vec<Missed>>)> {
     let settled = found.statuses.iter().all(|&status| status == PairStatus::Converged);
     if found.values.len() == operator.rows().min(operator.cols()) && settled {
-        let findings = Findings { missed: Vec::new(), products: 0, is_open: false };
+        let findings = MissedPairs { missed: Vec::new(), products: 0, is_open: false };
         return Ok((Completeness::Exact, findings));
     }
     let noise = if confirm.is_frozen { 0.0 } else { options.noise };
@@ -265,7 +265,7 @@ fn search_missed(
     let Confirmation { products, missed, .. } = search;
     found.confirming += products;
     let (completeness, is_open) = done?;
-    Ok((completeness, Findings { missed, products, is_open }))
+    Ok((completeness, MissedPairs { missed, products, is_open }))
 }
 
 impl Singular {
@@ -274,8 +274,8 @@ impl Singular {
     }
 
     /// Applies the answer of a confirmation.
-    fn claim(&mut self, claimed: Claimed<Findings<Vec<Missed>>>, options: &SingularOptions) {
-        let Claimed { completeness, more: Findings { missed, products, is_open }, is_kept } = claimed;
+    fn claim(&mut self, claimed: Claimed<MissedPairs<Vec<Missed>>>, options: &SingularOptions) {
+        let Claimed { completeness, more: MissedPairs { missed, products, is_open }, is_kept } = claimed;
         if is_kept {
             self.confirming = self.confirming.saturating_add(products);
             missed.iter().for_each(|missed| self.insert(missed, options));
