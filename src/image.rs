@@ -200,7 +200,7 @@ impl Blur {
         let (width, height) = (self.resolution.width, self.resolution.height);
         let reach = self.kernel.len() - 1;
         let mut rows = vec![0.0; x.len()];
-        rows.par_chunks_mut(width).zip(x.par_chunks(width)).for_each(|(to, from)| {
+        rows.par_chunks_mut(width.max(1)).zip(x.par_chunks(width.max(1))).for_each(|(to, from)| {
             let padded: Vec<f64> = (0..width + 2 * reach)
                 .map(|at| from[mirrored(at as isize - reach as isize, width)])
                 .collect();
@@ -210,7 +210,7 @@ impl Blur {
             );
         });
         let mut picture = vec![0.0; x.len()];
-        picture.par_chunks_mut(width).enumerate().for_each(|(y, to)| {
+        picture.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, to)| {
             let row = |offset: isize| &rows[mirrored(y as isize + offset, height) * width..];
             add_weighted(to, self.taps().map(|(offset, weight)| (weight, row(offset))));
         });

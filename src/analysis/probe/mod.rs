@@ -265,12 +265,13 @@ impl Signs {
         let Resolution { width, height } = self.resolution;
         let first = self.margin - kernel.len() / 2;
         let mut rows = vec![0.0; width * (height + 2 * self.margin)];
-        let from = self.values.par_chunks(width + 2 * self.margin);
-        rows.par_chunks_mut(width).zip(from).for_each(|(to, from)| {
+        // A resolution without pixels has no rows.
+        let from = self.values.par_chunks((width + 2 * self.margin).max(1));
+        rows.par_chunks_mut(width.max(1)).zip(from).for_each(|(to, from)| {
             add_weighted(to, kernel.iter().enumerate().map(|(k, weight)| (*weight, &from[first + k..])));
         });
         let mut picture = vec![0.0; width * height];
-        picture.par_chunks_mut(width).enumerate().for_each(|(y, to)| {
+        picture.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, to)| {
             let row = |k: usize| &rows[(y + first + k) * width..];
             add_weighted(to, kernel.iter().enumerate().map(|(k, weight)| (*weight, row(k))));
         });
@@ -281,6 +282,15 @@ impl Signs {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn patterns_continue_their_sequence_and_may_have_no_pixel() {
+        let resolution = Resolution::new(7, 5);
+        let all = smooth_patterns(resolution, 2.5, 0..5, 3);
+        assert_eq!(smooth_patterns(resolution, 2.5, 2..5, 3), all[2..]);
+        assert!(all[0] != all[1] && all.iter().all(|pattern| pattern.len() == 35));
+        assert_eq!(smooth_patterns(Resolution::new(0, 0), 2.5, 0..2, 3), vec![Vec::<f64>::new(); 2]);
+    }
 
     #[test]
     fn patterns_have_the_correlation_of_their_probing() {
