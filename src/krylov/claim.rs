@@ -10,7 +10,6 @@ use crate::error::{Error, Result};
 use crate::operator::Operator;
 
 /// The question whether a search missed anything.
-#[derive(Clone, Debug)]
 pub(crate) struct ClaimQuestion {
     text: String,
     share: f64,
@@ -31,7 +30,7 @@ pub(crate) struct Claimed<T> {
 /// products agree to about 1e-12, and below the default tolerance of a search (1e-8).
 const SAME: f64 = 1e-9;
 
-/// The number of the form of [`Kept`] and of all findings. A claim in another form is confirmed again.
+/// The version of the format of [`Kept`] and of the findings in it. A claim in another format is confirmed again.
 const FORM: u32 = 1;
 
 /// A claim with the numbers of the search that it is about.
@@ -57,7 +56,8 @@ enum Plain {
 impl ClaimQuestion {
     /// `method` names the method and all options on which its claim depends, except these: the confirmation asked for, the start, and known
     /// vectors. `numbers` are the results of the search and its `history`. With another operator, a process from the same start takes other
-    /// values. A kept claim answers only a search with the same numbers, up to 1e-9 of the largest. It may be stronger than the one asked for.
+    /// values. A kept claim answers only a search with the same numbers, up to 1e-9 of the largest. It may be stronger than the one asked
+    /// for.
     pub(crate) fn new(
         method: &str,
         confirm: Option<Confirm>,
@@ -80,7 +80,12 @@ impl ClaimQuestion {
         // False for NaN.
         let is_same = |(own, kept): (&f64, &f64)| (own - kept).abs() <= SAME * largest;
         let is_alike = kept.numbers.len() == self.numbers.len();
-        is_alike && self.numbers.iter().zip(&kept.numbers).all(is_same) && kept.share <= self.share
+        let says_enough = match kept.completeness {
+            Completeness::Exact => true,
+            Completeness::Confirmed(_) => kept.share <= self.share,
+            Completeness::NotExcluded => kept.share == self.share,
+        };
+        says_enough && is_alike && self.numbers.iter().zip(&kept.numbers).all(is_same)
     }
 
     fn answer<O: Operator + ?Sized, T: Serialize + DeserializeOwned>(
@@ -129,7 +134,8 @@ fn digest(vectors: &[Vec<f64>]) -> blake3::Hash {
 /// operator is not used.
 ///
 /// Returns whether products cost nothing, and the answer. There is no answer if `work` returns none, or if the products come from the
-/// recorded photos of a run that does not keep the claim. Fails with the errors of `work`, [`Operator::claim`] and [`Operator::keep_claim`].
+/// recorded photos of a run that does not keep the claim. Fails with the errors of `work`, [`Operator::claim`] and
+/// [`Operator::keep_claim`].
 pub(crate) fn confirming<O: Operator + ?Sized, T: Serialize + DeserializeOwned>(
     operator: &mut O,
     question: ClaimQuestion,

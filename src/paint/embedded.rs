@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use flate2::Compression;
 use half::f16;
 use rand::{RngExt, SeedableRng};
 use serde_json::{Value, json};
@@ -247,7 +248,7 @@ struct Sections {
 
 impl Sections {
     fn add(&mut self, bytes: &[u8]) -> usize {
-        let (number, text) = (self.count, deflated(bytes));
+        let (number, text) = (self.count, deflated(bytes, Compression::default()));
         // Writing to a string cannot fail.
         let _ = writeln!(self.html, "<script type=\"text/plain\" id=\"section-{number}\">{text}</script>");
         self.count += 1;

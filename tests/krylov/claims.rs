@@ -258,19 +258,32 @@ fn a_claim_that_cannot_be_read_is_confirmed_again() {
         let again = singular(&mut run, &singular_options).unwrap();
         assert_eq!((bits(&again), run.confirming), (bits(&triplets), triplets.confirming), "{length}");
     }
-    // A stranger may write anything: no claim ends the program or gives vectors of another length.
-    let mut random = Pcg64::seed_from_u64(5);
-    for _ in 0..300 {
-        let mut forged = whole.clone();
-        for claim in forged.values_mut() {
-            let at = random.random_range(0..claim.len());
-            claim[at] = random.random();
+    // A stranger may write anything: vectors of 149 entries do not fit, and are confirmed again. The length 150 is written as [0x96, 1].
+    for (question, claim) in &whole {
+        for at in (0..claim.len() - 10).filter(|&at| claim[at..at + 2] == [0x96, 1]) {
+            let mut forged = whole.clone();
+            forged.insert(question.clone(), [&claim[..at], &[0x95, 1], &claim[at + 10..]].concat());
+            let again = eigs(&mut Run::new(&matrix, &mut forged), &options).unwrap();
+            assert_eq!(bits(&again), bits(&first));
+            let again = singular(&mut Run::new(&matrix, &mut forged), &singular_options).unwrap();
+            assert_eq!(bits(&again), bits(&triplets));
         }
-        let again = eigs(&mut Run::new(&matrix, &mut forged), &options).unwrap();
-        assert!(again.vectors.iter().all(|vector| vector.len() == 150) && again.values.len() == 3);
-        let again = singular(&mut Run::new(&matrix, &mut forged), &singular_options).unwrap();
-        assert!(again.left.iter().chain(&again.right).all(|vector| vector.len() == 150));
     }
+}
+
+#[test]
+fn an_exact_claim_answers_for_any_share() {
+    let mut claims = BTreeMap::new();
+    let mut ask = |matrix: &Dense, share: f64, products: usize| -> (Completeness, usize) {
+        let confirm = Some(Confirm { share, products, ..Confirm::default() });
+        let options = EigsOptions { count: 3, products: 120, confirm, ..EigsOptions::default() };
+        let mut run = Run::new(matrix, &mut claims);
+        (eigs(&mut run, &options).unwrap().completeness, run.confirming)
+    };
+    // A process in the complement of three pairs of a small matrix spans it.
+    let small = Dense::turned(&(0..12).map(|k| 1.0 / (1.0 + f64::from(k))).collect::<Vec<f64>>());
+    assert_eq!(ask(&small, 0.05, 400).0, Completeness::Exact);
+    assert_eq!(ask(&small, 0.01, 400), (Completeness::Exact, 0));
 }
 
 #[test]

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::{Block, Figure, Report};
 use crate::image::{Image, Resolution};
 use crate::report::palette::MASKED_LABEL;
-use crate::report::web::deflated;
+use crate::report::web::{OF_FLOATS, deflated};
 
 /// The maximum number of bytes for the values of all pictures in a page. Further values are only in the files of the run.
 pub const MOST_BYTES: usize = 8 << 20;
@@ -105,7 +105,7 @@ pub(super) fn packed(planes: &[Vec<f32>]) -> String {
             bytes[place * count + index] = byte;
         }
     }
-    deflated(&bytes)
+    deflated(&bytes, OF_FLOATS)
 }
 
 #[derive(Default)]

@@ -66,12 +66,12 @@ fn name_of(declared: &str) -> Option<&str> {
     declared.split(|c: char| !c.is_alphanumeric() && c != '_').find(|word| !word.is_empty())
 }
 
-/// The level of compression. Most bits of floats are noise: the default level takes up to half as long again, and saves 1 %.
-const LEVEL: Compression = Compression::new(2);
+/// The level of compression for floats. Most of their bits are noise: the default level takes up to half as long again, and saves 1 %.
+pub(crate) const OF_FLOATS: Compression = Compression::new(2);
 
 /// Bytes as text for a page: deflated (zlib), in base64.
-pub fn deflated(bytes: &[u8]) -> String {
-    let mut encoder = ZlibEncoder::new(Vec::with_capacity(bytes.len()), LEVEL);
+pub(crate) fn deflated(bytes: &[u8], level: Compression) -> String {
+    let mut encoder = ZlibEncoder::new(Vec::with_capacity(bytes.len()), level);
     // Writing to memory cannot fail.
     let packed = encoder.write_all(bytes).and_then(|()| encoder.finish()).unwrap_or_default();
     STANDARD.encode(packed)
