@@ -3,7 +3,7 @@
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::completeness::{Completeness, Confirm, Confirmed};
+use super::completeness::{Completeness, Confirm, Confirmed, Status};
 use super::eigen::HistoryRow;
 use super::start::Start;
 use crate::error::{Error, Result};
@@ -24,6 +24,39 @@ pub(crate) struct Claimed<T> {
     pub(crate) more: T,
     /// True if the operator had kept the answer, false if products confirmed it now.
     pub(crate) is_kept: bool,
+}
+
+/// The pairs that a confirmation found and the search had missed, and further findings.
+#[derive(Serialize, Deserialize)]
+pub(super) struct MissedPairs<M> {
+    /// The missed pairs, in the order in which they were found.
+    pub(super) missed: Vec<M>,
+    /// The number of products.
+    pub(super) products: usize,
+    /// True if a missed pair was found but has not converged.
+    pub(super) is_open: bool,
+}
+
+impl<M> Claimed<MissedPairs<M>> {
+    /// Applies the answer to the result of a search. Returns the missed pairs that the result does not yet contain: a confirmation that
+    /// takes products inserts them itself, and counts these products.
+    pub(super) fn apply(
+        self,
+        completeness: &mut Completeness,
+        status: &mut Status,
+        confirming: &mut usize,
+    ) -> Vec<M> {
+        let MissedPairs { missed, products, is_open } = self.more;
+        *completeness = self.completeness;
+        if is_open {
+            *status = Status::BudgetSpent;
+        }
+        if !self.is_kept {
+            return Vec::new();
+        }
+        *confirming = confirming.saturating_add(products);
+        missed
+    }
 }
 
 /// The numbers of two searches are the same up to this share of the largest number. It is far above the differences between machines, whose
@@ -148,5 +181,32 @@ pub(crate) fn confirming<O: Operator + ?Sized, T: Serialize + DeserializeOwned>(
     match claimed {
         Err(Error::NotTaken { .. }) if is_free => Ok((is_free, None)),
         claimed => Ok((is_free, claimed?)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_claim_answers_the_same_numbers_and_no_stronger_question() {
+        let limits = [None, Some(1.0)];
+        let confirmed = Completeness::Confirmed(Confirmed { limits, share: 0.02, chance: 1e-3 });
+        let answers = |share: f64, numbers: &[f64], completeness: Completeness| {
+            let question = ClaimQuestion { text: String::new(), share, numbers: numbers.to_vec() };
+            question.is_answered_by(&Kept { share: 0.02, numbers: vec![4.0, 1e-9], completeness, more: () })
+        };
+        let shares = [0.01, 0.02, 0.05];
+        for (completeness, expected) in [
+            (confirmed, [false, true, true]),
+            (Completeness::Exact, [true; 3]),
+            // A confirmation with a larger share may still succeed.
+            (Completeness::NotExcluded, [false, true, false]),
+        ] {
+            assert_eq!(shares.map(|share| answers(share, &[4.0, 2e-9], completeness)), expected);
+        }
+        for others in [&[4.0 + 1e-8, 1e-9][..], &[4.0, 1e-8], &[4.0], &[4.0, 1e-9, 0.0], &[f64::NAN, 1e-9]] {
+            assert!(!answers(0.02, others, Completeness::Exact), "{others:?}");
+        }
     }
 }

@@ -188,17 +188,6 @@ pub(super) const MOST: f64 = 0.5;
 /// A confirmation that finds a new pair may take this many times its planned steps, so that the pair converges.
 const PATIENCE: usize = 10;
 
-/// The findings of a confirmation beside its claim. `M` are the pairs that a process found beyond those of the search.
-#[derive(serde::Serialize, serde::Deserialize)]
-pub(super) struct MissedPairs<M> {
-    /// The missed pairs of each process, in order.
-    pub(super) missed: Vec<M>,
-    /// The number of products.
-    pub(super) products: usize,
-    /// True if a missed pair was found but has not converged.
-    pub(super) is_open: bool,
-}
-
 /// A search that further processes confirm. Each process runs on the complement of the pairs found so far.
 pub(super) trait Confirmable {
     type Process;

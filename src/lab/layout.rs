@@ -82,8 +82,9 @@ pub(super) fn warn_of_damage(
     observer: &SharedObserver,
 ) -> impl FnMut(&Damage) + Send + use<> {
     let (path, observer) = (journal.path().to_path_buf(), observer.clone());
+    let end = if journal.is_writable() { "it is taken again" } else { "the answer does not use it" };
     move |damage| {
-        let message = format!("warning: {}: {damage}; it is taken again", path.display());
+        let message = format!("warning: {}: {damage}; {end}", path.display());
         observer.log(Level::Warning, &message);
     }
 }

@@ -4,10 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{Eigs, EigsOptions, Found};
 use crate::error::Result;
-use crate::krylov::claim::{ClaimQuestion, Claimed};
+use crate::krylov::claim::{ClaimQuestion, Claimed, MissedPairs};
 use crate::krylov::completeness::{
-    Completeness, Confirm, Confirmable, Confirmed, MOST, MissedPairs, Status, confirm_by, confirming_step,
-    slack,
+    Completeness, Confirm, Confirmable, Confirmed, MOST, Status, confirm_by, confirming_step, slack,
 };
 use crate::krylov::factor::{Factorization, PairStatus, Placed, RitzPair, Which, temple_kato};
 use crate::krylov::start::{seed_of, seeded};
@@ -100,15 +99,8 @@ pub(super) fn search_missed(
 impl Eigs {
     /// Applies the answer of a confirmation.
     pub(super) fn claim(&mut self, claimed: Claimed<MissedPairs<Missed>>, options: &EigsOptions) {
-        let Claimed { completeness, more: MissedPairs { missed, products, is_open }, is_kept } = claimed;
-        if is_kept {
-            self.confirming = self.confirming.saturating_add(products);
-            missed.iter().for_each(|missed| self.insert(missed, options));
-        }
-        self.completeness = completeness;
-        if is_open {
-            self.stats.status = Status::BudgetSpent;
-        }
+        let missed = claimed.apply(&mut self.completeness, &mut self.stats.status, &mut self.confirming);
+        missed.iter().for_each(|missed| self.insert(missed, options));
     }
 
     /// Inserts the missed pairs in their order, and keeps only the requested number of pairs.

@@ -7,8 +7,8 @@ use std::ops::ControlFlow;
 
 use power::power;
 
-use super::claim::confirming;
-use super::completeness::{Completeness, Confirm, FurtherSteps, MissedPairs, Recorder, Stats, Status};
+use super::claim::{MissedPairs, confirming};
+use super::completeness::{Completeness, Confirm, FurtherSteps, Recorder, Stats, Status};
 use super::factor;
 use super::factor::{Factorization, PairStatus, Resident, RitzPair, Which};
 use super::powers::{Rescaled, multiply_eigs, scaled};
@@ -188,9 +188,9 @@ impl EigsOptions {
 /// may have been missed.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis`, `EigsOptions::noise`, `--confirm`, `Confirm::chance` or `--which` if its value
-/// cannot be used; the errors of [`Factorization::lanczos`] and [`Factorization::expand`]. If an operator fails, the products taken so far
-/// are lost. To keep them, make the factorization separately and use [`eigs_from`].
+/// [`Error::Option`] naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis`, `EigsOptions::noise`, `--confirm`,
+/// `Confirm::chance` or `--which` if its value cannot be used; the errors of [`Factorization::lanczos`] and [`Factorization::expand`]. If
+/// an operator fails, the products taken so far are lost. To keep them, make the factorization separately and use [`eigs_from`].
 pub fn eigs(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let mut operator = Rescaled::new(operator);
     let found = eigs_of(&mut operator, options);

@@ -7,10 +7,10 @@ use std::ops::ControlFlow;
 use golub_kahan::{GolubKahan, Triplet};
 use serde::{Deserialize, Serialize};
 
-use super::claim::{ClaimQuestion, Claimed, confirming};
+use super::claim::{ClaimQuestion, Claimed, MissedPairs, confirming};
 use super::completeness::{
-    Completeness, Confirm, Confirmable, FurtherSteps, MissedPairs, Recorder, Stats, Status, confirm_by,
-    confirming_step, slack,
+    Completeness, Confirm, Confirmable, FurtherSteps, Recorder, Stats, Status, confirm_by, confirming_step,
+    slack,
 };
 use super::eigen::HistoryRow;
 use super::factor::PairStatus;
@@ -87,8 +87,8 @@ pub struct Singular {
 /// References: Golub and Kahan, *Calculating the singular values and pseudo-inverse of a matrix* (1965), doi:10.1137/0702016.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--count`, `--photos`, `--confirm` or `Confirm::chance`; [`Error::Dimension`] for a start of another length; [`Error::Numerical`] for NaN or a
-/// start of zeros; the error of a product.
+/// [`Error::Option`] naming `--count`, `--photos`, `--confirm` or `Confirm::chance`; [`Error::Dimension`] for a start of another length;
+/// [`Error::Numerical`] for NaN or a start of zeros; the error of a product.
 pub fn singular(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<Singular> {
     let mut operator = Rescaled::new(operator);
     let found = singular_of(&mut operator, options);
@@ -137,7 +137,7 @@ fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<
     }
     let left = options.products.saturating_sub(found.stats.products);
     let size = [operator.rows(), operator.cols()];
-    let fits = |more: &MissedPairs<Vec<Missed>>| more.missed.iter().flatten().all(|missed| missed.fits(size));
+    let fits = |more: &MissedPairs<Missed>| more.missed.iter().all(|missed| missed.fits(size));
     let (is_free, claimed) = confirming(operator, question(&found, options), fits, |operator, is_free| {
         let how = Confirm::of(options.confirm, is_free, process.broke_down(), left);
         how.map(|how| search_missed(operator, &mut found, options, &how)).transpose()
@@ -252,7 +252,7 @@ fn search_missed(
     found: &mut Singular,
     options: &SingularOptions,
     confirm: &Confirm,
-) -> Result<(Completeness, MissedPairs<Vec<Missed>>)> {
+) -> Result<(Completeness, MissedPairs<Missed>)> {
     let settled = found.statuses.iter().all(|&status| status == PairStatus::Converged);
     if found.values.len() == operator.rows().min(operator.cols()) && settled {
         let findings = MissedPairs { missed: Vec::new(), products: 0, is_open: false };
@@ -274,16 +274,9 @@ impl Singular {
     }
 
     /// Applies the answer of a confirmation.
-    fn claim(&mut self, claimed: Claimed<MissedPairs<Vec<Missed>>>, options: &SingularOptions) {
-        let Claimed { completeness, more: MissedPairs { missed, products, is_open }, is_kept } = claimed;
-        if is_kept {
-            self.confirming = self.confirming.saturating_add(products);
-            missed.iter().for_each(|missed| self.insert(missed, options));
-        }
-        self.completeness = completeness;
-        if is_open {
-            self.stats.status = Status::BudgetSpent;
-        }
+    fn claim(&mut self, claimed: Claimed<MissedPairs<Missed>>, options: &SingularOptions) {
+        let missed = claimed.apply(&mut self.completeness, &mut self.stats.status, &mut self.confirming);
+        self.insert(&missed, options);
     }
 
     /// Inserts the missed triplets in their order, and keeps only the requested number of triplets.
@@ -315,7 +308,7 @@ struct Confirmation<'a> {
     /// The largest number of products, and the number of products so far.
     most: usize,
     products: usize,
-    missed: Vec<Vec<Missed>>,
+    missed: Vec<Missed>,
 }
 
 impl Confirmation<'_> {
@@ -389,7 +382,7 @@ impl Confirmable for Confirmation<'_> {
         });
         let missed: Vec<Missed> = missed.collect();
         self.found.insert(&missed, self.options);
-        self.missed.push(missed);
+        self.missed.extend(missed);
         Ok(())
     }
 
