@@ -66,7 +66,7 @@ impl Key {
         };
         part(&format!("krylux operator {OPERATOR_VERSION}"));
         // The shaders of products and vectors do not affect the matrix.
-        let makes = |name: &str| !["product", "vectors"].contains(&name);
+        let makes = |name: &str| !["product", "vectors", "vectors_ahead"].contains(&name);
         shader::SOURCES.iter().filter(|(name, _)| makes(name)).for_each(|(name, source)| {
             part(name);
             part(&without_comments(source));

@@ -17,7 +17,7 @@ macro_rules! shaders {
 
 shaders! {
     "": "assemble_pack" "assemble_parts" "assemble_pixels" "assemble_rows" "assemble_scan" "assemble_scatter" "assemble_squares"
-        "assemble_sums" "primary_regions" "product" "trace_paths" "trace_photons" "vectors";
+        "assemble_sums" "primary_regions" "product" "trace_paths" "trace_photons" "vectors" "vectors_ahead";
     "shared/": "assembly" "bsdf" "bvh" "connect" "corners" "endpoint" "features" "footprint" "fresnel" "light_buffer" "lobes" "medium"
         "microfacet" "pairs" "parameters" "path" "photons" "reverse" "rng" "sampler" "scan" "sort" "start" "surface" "texture"
         "visibility" "warp";

@@ -246,8 +246,8 @@ impl GpuMatrix {
         }
     }
 
-    /// `w ← P v`, or `w ← S P Sᵀ v` with the selection of the vectors, for a column `v` and a part `P` or its transpose. Does not
-    /// wait for the product. `matrix` is as for [`GpuMatrix::multiply`]. Fails as [`GpuMatrix::apply`], and with [`Error::Numerical`] for
+    /// `w ← P v`, or `w ← S P Sᵀ v` with the selection of the vectors, for a column `v` and a part `P` or its transpose. Waits
+    /// for the product only if it was taken in advance. `matrix` is as for [`GpuMatrix::multiply`]. Fails as [`GpuMatrix::apply`], and with [`Error::Numerical`] for
     /// vectors of another size.
     pub(super) fn multiply_within(
         &self,
@@ -262,12 +262,12 @@ impl GpuMatrix {
         }
         let (mut state, product) = self.prepare(matrix, product)?;
         let steps = self.steps(&mut state, product)?;
-        let record = |encoder: &mut wgpu::CommandEncoder| {
+        let record = |vectors: &DeviceVectors, column: usize, encoder: &mut wgpu::CommandEncoder| {
             vectors.write_pattern(column, &self.from, encoder);
             Step::record(&self.gpu, "products", steps, encoder);
             vectors.read_photo(&self.to.buffer, encoder);
         };
-        self.gpu.submit("product", record).map(drop)
+        vectors.multiply((self.from.clone(), product), column, &record)
     }
 }
 

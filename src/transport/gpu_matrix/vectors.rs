@@ -1,5 +1,7 @@
 //! The vectors of a Krylov process in a device's memory.
 
+mod ahead;
+mod flight;
 mod of_product;
 
 use std::borrow::Cow;
@@ -13,6 +15,7 @@ use crate::gpu::buffers::Results;
 use crate::gpu::pipeline::{Kernel, READ, Step, WRITE};
 use crate::operator::vectors::{is_ordinary, made_elsewhere, norm_of_square};
 use crate::operator::{Product, Settling, Sums, Vectors};
+use ahead::Ahead;
 use of_product::OfProduct;
 
 /// The bytes of a buffer of columns, unless a single column is larger.
@@ -67,6 +70,7 @@ pub(in crate::transport) struct DeviceVectors {
     entrywise: [Step; 3],
     gather: Step,
     of: Option<OfProduct>,
+    ahead: Ahead,
 }
 
 /// Some columns, and the dispatches that read them.
@@ -136,7 +140,7 @@ impl DeviceVectors {
         let entrywise = |kernel| step(kernel, [first, &coefficients.of_terms, &work, &single]);
         let entrywise = [entrywise(&combine)?, entrywise(&scale_by)?, entrywise(&clip_by)?];
         let gather = step(&gather, [first, &coefficients.of_work, &sums.buffer, &partial])?;
-        let gpu = gpu.clone();
+        let (ahead, gpu) = (Ahead::new(gpu), gpu.clone());
         Ok(Self {
             gpu,
             rows,
@@ -151,6 +155,7 @@ impl DeviceVectors {
             entrywise,
             gather,
             of: None,
+            ahead,
         })
     }
 
@@ -187,8 +192,8 @@ impl DeviceVectors {
         coefficients: [f64; 4],
         copy: impl Fn(&Self, &mut wgpu::CommandEncoder),
     ) -> Result<()> {
-        let part = Part { rows: self.rows as u32, ..part };
-        self.entrywise[kernel].change(&self.gpu, &part, self.rows.div_ceil(INVOCATIONS) as u32)?;
+        self.depart()?;
+        self.plan_entries(kernel, part)?;
         self.gpu.submit("combination", |encoder| {
             let coefficients = bytemuck::bytes_of(&coefficients);
             self.gpu.queue.write_buffer(&self.coefficients.of_terms, 0, coefficients);
@@ -196,6 +201,23 @@ impl DeviceVectors {
             copy(self, encoder);
         })?;
         Ok(())
+    }
+
+    fn plan_entries(&mut self, kernel: usize, part: Part) -> Result<()> {
+        let part = Part { rows: self.rows as u32, ..part };
+        self.entrywise[kernel].change(&self.gpu, &part, self.rows.div_ceil(INVOCATIONS) as u32)
+    }
+
+    /// Prepares [`DeviceVectors::record_push`].
+    fn plan_push(&mut self) -> Result<()> {
+        self.plan_entries(0, Part { columns: 1, first: W, second: W, third: W, ..Part::default() })
+    }
+
+    /// Records the copy of `w`, divided by the coefficients of the terms, to a column.
+    fn record_push(&self, column: usize, encoder: &mut wgpu::CommandEncoder) {
+        Step::record(&self.gpu, "combination", [&self.entrywise[0]], encoder);
+        let (to, place) = self.place(column);
+        encoder.copy_buffer_to_buffer(&self.single, 0, to, place, self.bytes());
     }
 
     /// The parts of the chunks from the first of these columns to the last. The first column's coefficient or sum is at `place`.
@@ -218,21 +240,18 @@ impl DeviceVectors {
         if columns.is_empty() { Vec::new() } else { chunks.map(part).collect() }
     }
 
-    /// `w ← w − V h`, over the columns from the given one, then `u ← u − V s` for the last column `u` and the columns before it. Then
-    /// `Vᵀ w` over the columns from `dots`, and `‖w‖`; without `dots` nothing is read back.
-    fn sweep(&mut self, (first, h): (usize, &[f64]), s: &[f64], dots: Option<usize>) -> Result<Sums> {
+    /// Prepares [`DeviceVectors::record`]: `w ← w − V h` over the columns of `removed`, then `u ← u − V s` for column `last` and the columns
+    /// before it, unless it is 0, and then `Vᵀ w` over the columns of `dots`, and `‖w‖²`. `h` begins with the coefficient of column 0.
+    fn plan(&mut self, removed: Range<usize>, last: usize, dots: Option<Range<usize>>) -> Result<Sweep> {
         let gpu = self.gpu.clone();
-        let count = self.columns.saturating_sub(dots.unwrap_or(self.columns));
-        let of_work = self.parts(first..first + h.len(), first);
-        let of_single = self.parts(0..s.len(), 0);
-        let mut of_dots = self.parts(self.columns - count..self.columns, 0);
-        if of_dots.is_empty() {
-            of_dots = vec![(0, self.parts(0..1, 0)[0].1)];
-            of_dots[0].1.columns = 0;
-        }
-        if let Some((_, part)) = of_dots.last_mut() {
-            part.square = 1;
-        }
+        let of_work = self.parts(removed.clone(), removed.start);
+        let of_single = self.parts(0..last, 0);
+        let mut of_dots = dots.map_or_else(Vec::new, |columns| {
+            if columns.is_empty() {
+                return vec![(0, Part { columns: 0, ..self.parts(0..1, 0)[0].1 })];
+            }
+            self.parts(columns, 0)
+        });
         let entries = self.rows.div_ceil(INVOCATIONS) as u32;
         for &(chunk, part) in &of_work {
             self.chunks[chunk].remove_from_work.change(&gpu, &part, entries)?;
@@ -240,39 +259,66 @@ impl DeviceVectors {
         for &(chunk, part) in &of_single {
             self.chunks[chunk].remove_from_single.change(&gpu, &part, entries)?;
         }
+        if let Some((_, part)) = of_dots.last_mut() {
+            part.square = 1;
+            let all = Part { columns: part.place + part.columns + 1, ..*part };
+            self.gather.change(&gpu, &all, all.columns)?;
+        }
         for &(chunk, part) in &of_dots {
             self.chunks[chunk].dots.change(&gpu, &part, part.blocks)?;
         }
-        let all = Part { columns: count as u32 + 1, ..of_dots[0].1 };
-        self.gather.change(&gpu, &all, all.columns)?;
-        let chunks = &self.chunks;
+        let chunks = |parts: Vec<(usize, Part)>| parts.into_iter().map(|(chunk, _)| chunk).collect();
+        Ok(Sweep { of_work: chunks(of_work), of_single: chunks(of_single), last, of_dots: chunks(of_dots) })
+    }
+
+    /// Records the sweep that was prepared last, with the coefficients that are on the device then.
+    fn record(&self, sweep: &Sweep, encoder: &mut wgpu::CommandEncoder) {
+        let Sweep { of_work, of_single, last, of_dots } = sweep;
+        let steps = of_work.iter().map(|&chunk| &self.chunks[chunk].remove_from_work);
+        Step::record(&self.gpu, "orthogonalization", steps, encoder);
+        if *last > 0 {
+            let (column, place) = self.place(*last);
+            self.copy_column(*last, &self.single, encoder);
+            let steps = of_single.iter().map(|&chunk| &self.chunks[chunk].remove_from_single);
+            Step::record(&self.gpu, "orthogonalization", steps, encoder);
+            encoder.copy_buffer_to_buffer(&self.single, 0, column, place, self.bytes());
+        }
+        if !of_dots.is_empty() {
+            let steps = of_dots.iter().map(|&chunk| &self.chunks[chunk].dots);
+            Step::record(&self.gpu, "inner products", steps.chain([&self.gather]), encoder);
+        }
+    }
+
+    /// `w ← w − V h`, over the columns from the given one, then `u ← u − V s` for the last column `u` and the columns before it. Then
+    /// `Vᵀ w` over the columns from `dots`, and `‖w‖`; without `dots` nothing is read back.
+    fn sweep(&mut self, (first, h): (usize, &[f64]), s: &[f64], dots: Option<usize>) -> Result<Sums> {
+        let count = self.columns.saturating_sub(dots.unwrap_or(self.columns));
+        let sweep =
+            self.plan(first..first + h.len(), s.len(), dots.map(|_| self.columns - count..self.columns))?;
+        let gpu = &self.gpu;
         let record = |encoder: &mut wgpu::CommandEncoder| {
             gpu.queue.write_buffer(&self.coefficients.of_work, 8 * first as u64, bytemuck::cast_slice(h));
             gpu.queue.write_buffer(&self.coefficients.of_single, 0, bytemuck::cast_slice(s));
-            let steps = of_work.iter().map(|&(chunk, _)| &chunks[chunk].remove_from_work);
-            Step::record(&gpu, "orthogonalization", steps, encoder);
-            if !s.is_empty() {
-                let (last, place) = self.place(self.columns - 1);
-                self.copy_column(self.columns - 1, &self.single, encoder);
-                let steps = of_single.iter().map(|&(chunk, _)| &chunks[chunk].remove_from_single);
-                Step::record(&gpu, "orthogonalization", steps, encoder);
-                encoder.copy_buffer_to_buffer(&self.single, 0, last, place, self.bytes());
-            }
-            if dots.is_some() {
-                let steps = of_dots.iter().map(|&(chunk, _)| &chunks[chunk].dots);
-                Step::record(&gpu, "inner products", steps.chain([&self.gather]), encoder);
-            }
+            self.record(&sweep, encoder);
         };
         if dots.is_none() {
             gpu.submit("orthogonalization", record)?;
             return Ok((Vec::new(), 0.0));
         }
-        let found = self.sums.launch(&gpu, "inner products", 8 * (count as u64 + 1), record)?;
-        let mut sums: Vec<f64> = bytemuck::pod_collect_to_vec(&found.wait(&gpu)?[..]);
+        let found = self.sums.launch(gpu, "inner products", 8 * (count as u64 + 1), record)?;
+        let mut sums: Vec<f64> = bytemuck::pod_collect_to_vec(&found.wait(gpu)?[..]);
         let square = sums.pop().unwrap_or_default();
         let length = if is_ordinary(square) { square.sqrt() } else { norm_of_square(square, &self.work()?) };
         Ok((sums, length))
     }
+}
+
+/// The chunks that take part in a sweep, and the column that changes.
+struct Sweep {
+    of_work: Vec<usize>,
+    of_single: Vec<usize>,
+    last: usize,
+    of_dots: Vec<usize>,
 }
 
 impl Vectors for DeviceVectors {
@@ -285,19 +331,24 @@ impl Vectors for DeviceVectors {
     }
 
     fn column(&self, index: usize) -> Result<Cow<'_, [f64]>> {
-        self.gpu.submit("column", |encoder| self.copy_column(index, &self.single, encoder))?;
+        let (column, place) = self.expected_column(index);
+        self.gpu.submit("column", |encoder| {
+            encoder.copy_buffer_to_buffer(column, place, &self.single, 0, self.bytes());
+        })?;
         Ok(Cow::Owned(self.gpu.read(&self.single, self.rows)?))
     }
 
     fn work(&self) -> Result<Cow<'_, [f64]>> {
-        Ok(Cow::Owned(self.gpu.read(&self.work, self.rows)?))
+        Ok(Cow::Owned(self.gpu.read(self.expected_work(), self.rows)?))
     }
 
     fn load(&mut self, x: &[f64]) -> Result<()> {
+        self.depart()?;
         self.gpu.fill("vector", &self.work, 0, bytemuck::cast_slice(x))
     }
 
     fn clear(&mut self) {
+        self.forget();
         self.columns = 0;
     }
 
@@ -308,14 +359,14 @@ impl Vectors for DeviceVectors {
                 self.columns
             )));
         }
-        // A division by 1 would give the same bits, but Vulkan does not promise it.
-        if divisor == 1.0 {
-            self.keep(self.columns)?;
-        } else {
-            self.combine(Some(self.columns), &[(1.0, None)], divisor)?;
-        }
-        self.columns += 1;
-        Ok(())
+        self.push_of_step(divisor, |vectors| {
+            // A division by 1 would give the same bits, but Vulkan does not promise it.
+            if divisor == 1.0 {
+                vectors.keep(vectors.columns)
+            } else {
+                vectors.combine(Some(vectors.columns), &[(1.0, None)], divisor)
+            }
+        })
     }
 
     fn combine(&mut self, to: Option<usize>, terms: &[(f64, Option<usize>)], divisor: f64) -> Result<()> {
@@ -336,6 +387,7 @@ impl Vectors for DeviceVectors {
     }
 
     fn keep(&mut self, index: usize) -> Result<()> {
+        self.depart()?;
         let (column, place) = self.place(index);
         self.gpu.submit("column", |encoder| {
             encoder.copy_buffer_to_buffer(&self.work, 0, column, place, self.bytes());
@@ -357,32 +409,32 @@ impl Vectors for DeviceVectors {
 
     fn remove(&mut self, h: &[f64]) -> Result<()> {
         let first = h.iter().position(|h| *h != 0.0).unwrap_or(h.len());
-        self.sweep((first, &h[first..]), &[], None).map(drop)
+        self.remove_of_step(h, |vectors| vectors.sweep((first, &h[first..]), &[], None).map(drop))
     }
 
     fn dots_and_norm(&mut self, first: usize) -> Result<Sums> {
-        self.sweep((0, &[]), &[], Some(first))
+        self.dots_of_step(first, |vectors| vectors.sweep((0, &[]), &[], Some(first)))
     }
 
     fn remove_and_dot(&mut self, h: &[f64]) -> Result<Sums> {
+        self.depart()?;
         self.sweep((0, h), &[], Some(0))
     }
 
     fn settle_and_dot(&mut self, settling: &Settling<'_>) -> Result<Sums> {
         let Settling { late, along, ahead } = settling;
         let first = self.columns - along.len();
-        if late.is_empty() {
-            return self.sweep((first, along), &[], Some(0));
-        }
-        let known: Vec<f64> = ahead.iter().take(first).chain(*along).copied().collect();
-        self.sweep((0, &known), late, Some(0))
+        self.settled_of_step(settling, |vectors| {
+            if late.is_empty() {
+                return vectors.sweep((first, along), &[], Some(0));
+            }
+            let known: Vec<f64> = ahead.iter().take(first).chain(*along).copied().collect();
+            vectors.sweep((0, &known), late, Some(0))
+        })
     }
 
     fn product(&self) -> Result<Product> {
-        let of = self.of.as_ref().ok_or_else(made_elsewhere)?;
-        let mut both = self.gpu.read_all(&[(&of.pattern, of.pixels), (&of.photo, of.pixels)])?;
-        let to = both.pop().unwrap_or_default();
-        Ok(Product { from: both.pop().unwrap_or_default(), to })
+        self.expected_product()
     }
 }
 

@@ -49,6 +49,18 @@ impl DeviceVectors {
         self.of.as_ref().map_or(0, |of| of.pixels)
     }
 
+    pub(super) fn is_selection(&self) -> bool {
+        self.of.as_ref().is_some_and(|of| of.selected.is_some())
+    }
+
+    /// Records the copies of the pattern and the photo to these buffers.
+    pub(super) fn copy_product(&self, to: [&wgpu::Buffer; 2], encoder: &mut wgpu::CommandEncoder) {
+        let Some(OfProduct { pattern, photo, .. }) = &self.of else { return };
+        for (from, to) in [pattern, photo].into_iter().zip(to) {
+            encoder.copy_buffer_to_buffer(from, 0, to, 0, to.size());
+        }
+    }
+
     /// Records the copy of a column to the pattern, and of the pattern to the beginning of a buffer.
     pub(in crate::transport::gpu_matrix) fn write_pattern(
         &self,
