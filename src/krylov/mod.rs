@@ -46,6 +46,7 @@ pub use basis::{dot, norm};
 pub use boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi, Surrogate};
 pub(crate) use claim::{ClaimQuestion, Claimed, confirming};
 pub use completeness::{Completeness, Confirm, Confirmed, Stats, Status};
+pub(crate) use eigen::search_from;
 pub use eigen::{
     Beside, Eigs, EigsMethod, EigsOptions, HistoryRow, confirm, eigs, eigs_from, largest_beside,
 };

@@ -48,6 +48,10 @@ fn found_within(assembled: &Assembled, part: Part, options: &EigsOptions) -> Eig
         (found.stats.products + found.confirming, 0),
         "the vectors stay on the device"
     );
+    if options.max_basis.is_none() && found.confirming == 0 {
+        let read = operator.read.load(Ordering::Relaxed);
+        assert_eq!(read, found.vectors.len(), "only the vectors of the answer come back");
+    }
     found
 }
 
@@ -199,6 +203,8 @@ struct Watched<'a> {
     /// The product within the device that ends with an interruption.
     interrupted: Option<usize>,
     calls: Arc<AtomicUsize>,
+    /// The number of vectors that came back to the host.
+    read: Arc<AtomicUsize>,
 }
 
 impl<'a> Watched<'a> {
@@ -209,6 +215,7 @@ impl<'a> Watched<'a> {
             with_host: 0,
             interrupted: None,
             calls: Arc::new(AtomicUsize::new(usize::MAX)),
+            read: Arc::default(),
         }
     }
 }
@@ -237,7 +244,8 @@ impl Operator for Watched<'_> {
 
     fn vectors(&self, columns: usize, selection: Option<Selection<'_>>) -> Result<Option<Box<dyn Vectors>>> {
         let inner = self.inner.vectors(columns, selection)?;
-        Ok(inner.map(|inner| Box::new(Limited { inner, calls: self.calls.clone() }) as Box<dyn Vectors>))
+        let limited = |inner| Limited { inner, calls: self.calls.clone(), read: self.read.clone() };
+        Ok(inner.map(|inner| Box::new(limited(inner)) as Box<dyn Vectors>))
     }
 
     fn apply_within(&mut self, vectors: &mut dyn Vectors, column: usize, direction: Direction) -> Result<()> {
@@ -260,6 +268,7 @@ impl Adjoint for Watched<'_> {
 struct Limited {
     inner: Box<dyn Vectors>,
     calls: Arc<AtomicUsize>,
+    read: Arc<AtomicUsize>,
 }
 
 impl Limited {
@@ -281,11 +290,13 @@ impl Vectors for Limited {
 
     fn column(&self, index: usize) -> Result<Cow<'_, [f64]>> {
         self.call()?;
+        self.read.fetch_add(1, Ordering::Relaxed);
         self.inner.column(index)
     }
 
     fn work(&self) -> Result<Cow<'_, [f64]>> {
         self.call()?;
+        self.read.fetch_add(1, Ordering::Relaxed);
         self.inner.work()
     }
 

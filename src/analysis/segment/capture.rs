@@ -10,7 +10,7 @@ use super::segmentation::Segmentation;
 use crate::analysis::low_rank::smooth_starts;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::krylov::{Eigs, EigsOptions, Factorization, HistoryRow, Start, Status, Which, eigs_from};
+use crate::krylov::{EigsOptions, Factorization, HistoryRow, Start, Status, Which, search_from};
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::{Operator, Relayed, Symmetry, product};
 
@@ -91,29 +91,30 @@ impl Capture {
         loop {
             let block = self.lanczos.as_ref().map_or(0, Factorization::block);
             let photos = self.options.photos - self.photos_of_degree;
-            // After `ROUNDS` photos per start, the capture may add further starts. A capture with a single start never adds any.
-            let stage = if block == 1 { photos } else { photos.min(ROUNDS * block) };
-            let status = self.take(global, stage)?.stats.status;
+            // After `ROUNDS` photos per start, the capture may add further starts, if photos are left for them. A capture with a single start
+            // never adds any.
+            let may_widen = block > 1 && photos >= ROUNDS * (block + self.options.start_count());
+            let stage = if may_widen { ROUNDS * block } else { photos };
+            let status = self.take(global, stage)?;
             let (Some(graph), Some(lanczos)) = (&self.graph, &mut self.lanczos) else { return Ok(()) };
             let is_over = matches!(status, Status::Stopped | Status::SpaceExhausted);
             if is_over || lanczos.products() >= photos || lanczos.products() < stage {
                 self.status = Some(status);
                 return Ok(());
             }
-            let is_enough_left = photos - stage >= ROUNDS * self.options.start_count();
             let is_decided = lanczos.products() > stage;
-            if is_decided || !is_enough_left || !is_saturated(lanczos, self.options.cut)? {
+            if is_decided || !is_saturated(lanczos, self.options.cut)? {
                 break;
             }
             lanczos.widen(&starts(&self.options, graph, block))?;
         }
-        let found = self.take(global, self.options.photos - self.photos_of_degree)?;
-        self.status = Some(found.stats.status);
+        let status = self.take(global, self.options.photos - self.photos_of_degree)?;
+        self.status = Some(status);
         Ok(())
     }
 
     /// Takes photos until the Krylov process has `most` products, or needs no more.
-    fn take(&mut self, global: &mut dyn Operator, most: usize) -> Result<Eigs> {
+    fn take(&mut self, global: &mut dyn Operator, most: usize) -> Result<Status> {
         let (Some(graph), Some(lanczos)) = (&self.graph, &mut self.lanczos) else {
             return Err(too_early());
         };
@@ -148,7 +149,7 @@ impl Capture {
             flow
         };
         let mut operator = CutMatrix::new(global, graph, self.options.cut);
-        eigs_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)
+        search_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)
     }
 
     /// The segmentation from the photos taken so far. The call takes no photo and does not change the capture. An observer may stop a

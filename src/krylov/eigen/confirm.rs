@@ -194,7 +194,9 @@ impl Confirmable for Confirmation<'_> {
     fn begin(&self, round: u64, steps: usize) -> Result<Placed> {
         let seed = seed_of(self.options.start.seed(), round);
         let process = Factorization::lanczos(&seeded(self.operator.cols(), !seed), &self.known())?;
-        Placed::new(process, self.operator, steps)
+        let mut process = Placed::new(process);
+        process.place(self.operator, steps)?;
+        Ok(process)
     }
 
     fn step(&mut self, process: &mut Placed, total: usize) -> Result<()> {
@@ -295,7 +297,8 @@ pub fn largest_beside(
         return Ok(None);
     }
     let process = Factorization::lanczos(&seeded(n, !seed), known)?;
-    let mut process = Placed::new(process, operator, steps)?;
+    let mut process = Placed::new(process);
+    process.place(operator, steps)?;
     while process.steps() < steps {
         process.expand(operator)?;
         confirming_step(operator.observer(), process.steps(), steps)?;

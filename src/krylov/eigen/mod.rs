@@ -10,7 +10,7 @@ use power::power;
 use super::claim::{MissedPairs, confirming};
 use super::completeness::{Completeness, Confirm, FurtherSteps, Recorder, Stats, Status};
 use super::factor;
-use super::factor::{Factorization, PairStatus, Resident, RitzPair, Which};
+use super::factor::{Factorization, PairStatus, Placed, RitzPair, Which};
 use super::powers::{Rescaled, multiply_eigs, scaled};
 use super::start::Start;
 use crate::error::{Error, Result};
@@ -204,20 +204,22 @@ pub fn eigs(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> 
 fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     options.check()?;
     let n = operator.cols();
-    let start = || options.start.vector(n);
-    let mut factorization = match options.method {
+    let (start, deflate) = (|| options.start.vector(n), &options.deflate);
+    let factorization = match options.method {
         EigsMethod::Power => return power(operator, options),
-        EigsMethod::Arnoldi => {
-            return eigs_from(&mut Factorization::arnoldi(&start(), &options.deflate)?, operator, options);
-        }
-        EigsMethod::Lanczos => Factorization::lanczos(&start(), &options.deflate)?,
+        EigsMethod::Arnoldi => Factorization::arnoldi(&start(), deflate)?,
+        EigsMethod::Lanczos => Factorization::lanczos(&start(), deflate)?,
         EigsMethod::BlockLanczos { block } => {
-            Factorization::block_lanczos(&options.start.block(n, block), &options.deflate)?
+            Factorization::block_lanczos(&options.start.block(n, block), deflate)?
         }
     };
-    let mut found = eigs_from(&mut factorization, operator, options)?;
-    let broke_down = factorization.broke_down();
-    drop(factorization);
+    let mut process = Placed::new(factorization);
+    let mut found = eigs_within(&mut process, operator, options)?;
+    let broke_down = process.broke_down();
+    drop(process);
+    if options.method == EigsMethod::Arnoldi {
+        return Ok(found);
+    }
     if !is_due(operator, &found, options) {
         return Ok(found);
     }
@@ -248,86 +250,90 @@ pub fn eigs_from(
     operator: &mut dyn Operator,
     options: &EigsOptions,
 ) -> Result<Eigs> {
-    options.check()?;
-    let most = options.max_basis.unwrap_or(usize::MAX);
-    let left = options.products.saturating_sub(factorization.products());
-    let steps = (factorization.steps() + left).min(most);
-    factorization.reserve(steps);
-    let mut resident = factorization.upload(operator, steps)?;
-    let searched = search(factorization, &mut resident, operator, options);
-    let back = resident.map_or(Ok(()), |resident| factorization.download(resident));
-    let (pairs, status, history) = searched?;
-    back?;
-    let stats = Stats { products: factorization.products(), status };
-    let vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| factorization.ritz_vector(pair)).collect();
-    let common = vectors.iter().map(|vector| operator.common_error(vector)).collect::<Result<_>>()?;
-    let imaginary = pairs
-        .iter()
-        .map(|pair| if pair.is_real() { Vec::new() } else { factorization.ritz_vector_imaginary(pair) });
-    let imaginary = imaginary.collect();
-    let (scale, rows) = (factorization.scale(), factorization.n());
-    let found = Found { pairs: &pairs, vectors, common, imaginary, scale, rows };
-    Ok(found.eigs(options, factorization.asymmetry(), history, stats))
+    Placed::within(factorization, |process| eigs_within(process, operator, options))
 }
 
-/// The search of [`eigs_from`], with the vectors in the memory of the operator if they are `resident`. Returns the pairs, the reason for
-/// the end, and the history.
-fn search(
+/// Works like [`eigs_from`], but computes no vectors. Returns why the search ended.
+pub(crate) fn search_from(
     factorization: &mut Factorization,
-    resident: &mut Option<Resident>,
     operator: &mut dyn Operator,
     options: &EigsOptions,
-) -> Result<(Vec<RitzPair>, Status, Vec<HistoryRow>)> {
+) -> Result<Status> {
+    Placed::within(factorization, |process| Ok(search(process, operator, options)?.status))
+}
+
+fn eigs_within(process: &mut Placed, operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
+    let Searched { pairs, status, history } = search(process, operator, options)?;
+    let stats = Stats { products: process.products(), status };
+    let mut found = Found {
+        pairs: &pairs,
+        vectors: Vec::new(),
+        common: Vec::new(),
+        imaginary: Vec::new(),
+        scale: process.scale(),
+        rows: process.n(),
+    };
+    for pair in &pairs {
+        let vector = process.ritz_vector(pair)?;
+        found.common.push(operator.common_error(&vector)?);
+        found.vectors.push(vector);
+        let imaginary = &pair.imaginary_coefficients;
+        found.imaginary.push(if pair.is_real() { Vec::new() } else { process.combine(imaginary)? });
+    }
+    Ok(found.eigs(options, process.asymmetry(), history, stats))
+}
+
+/// The last pairs of a search, the reason for its end, and its history.
+struct Searched {
+    pairs: Vec<RitzPair>,
+    status: Status,
+    history: Vec<HistoryRow>,
+}
+
+/// Takes products until the search ends.
+fn search(process: &mut Placed, operator: &mut dyn Operator, options: &EigsOptions) -> Result<Searched> {
+    options.check()?;
     let most = options.max_basis.unwrap_or(usize::MAX);
+    let left = options.products.saturating_sub(process.products());
+    process.place(operator, (process.steps() + left).min(most))?;
     let mut recorder = Recorder::new(options.products);
-    let mut further = FurtherSteps::new(factorization.n());
-    let mut pairs = factorization.ritz(options.which, options.count)?;
+    let mut further = FurtherSteps::new(process.n());
+    let mut pairs = process.ritz(options.which, options.count)?;
     let status = loop {
-        if factorization.is_exhausted() {
-            break exhausted(factorization, options);
+        if process.is_exhausted() {
+            break exhausted(process, options);
         }
-        let reached = good_enough(&pairs, options, (factorization.scale(), factorization.n()));
+        let reached = good_enough(&pairs, options, (process.scale(), process.n()));
         if let Some(status) = further.end(reached) {
             break status;
         }
-        if factorization.products() >= options.products {
-            break spent(&pairs, options, factorization.scale());
+        if process.products() >= options.products {
+            break spent(&pairs, options, process.scale());
         }
-        let waiting = factorization.pending();
-        if factorization.steps() + waiting >= most {
+        let waiting = process.pending();
+        if process.steps() + waiting >= most {
             // The restart also keeps half of the unwanted pairs, so that the next cycle converges faster.
-            let steps = factorization.steps();
-            let keep = options.count + steps.saturating_sub(options.count) / 2;
-            let was_resident =
-                resident.take().map(|resident| factorization.download(resident)).transpose()?.is_some();
-            factorization.shrink(options.which, keep.min(most - 2 * waiting))?;
-            if was_resident {
-                *resident = factorization.upload(operator, most)?;
-            }
+            let keep = options.count + process.steps().saturating_sub(options.count) / 2;
+            process.shrink(operator, (options.which, keep.min(most - 2 * waiting)), most)?;
         }
-        let step = match resident {
-            Some(resident) => factorization.expand_resident(resident, operator)?,
-            None => {
-                if !is_near(&pairs, options, factorization.scale()) {
-                    factorization.multiply_block(operator, options.products - factorization.products())?;
-                }
-                factorization.expand(operator)?
-            }
-        };
-        pairs = factorization.ritz(options.which, options.count)?;
+        if !is_near(&pairs, options, process.scale()) {
+            process.multiply_block(operator, options.products - process.products())?;
+        }
+        let step = process.expand(operator)?;
+        pairs = process.ritz(options.which, options.count)?;
         let flow = recorder.row(
             operator.observer(),
-            factorization.products(),
+            process.products(),
             pairs.iter().map(|pair| (pair.value, pair.residual)),
         );
         if step == factor::Step::Exhausted {
-            break exhausted(factorization, options);
+            break exhausted(process, options);
         }
         if flow == ControlFlow::Break(()) {
             break Status::Stopped;
         }
     };
-    Ok((pairs, status, recorder.history))
+    Ok(Searched { pairs, status, history: recorder.history })
 }
 
 /// The status if all directions are spanned. The result is exact unless the products have noise.

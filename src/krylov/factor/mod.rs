@@ -14,7 +14,7 @@ use super::start::seeded;
 use crate::error::{Error, Result};
 use crate::operator::{Operator, Symmetry, Vectors, check_square};
 
-pub(in crate::krylov) use place::{MOST, Placed, Resident};
+pub(in crate::krylov) use place::{MOST, Placed};
 pub use ritz::{PairStatus, RitzPair, Which, temple_kato};
 pub use step::Step;
 

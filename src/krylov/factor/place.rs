@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::ops::Deref;
 
-use super::{Factorization, RitzPair, Step, point_upwards};
+use super::{Factorization, RitzPair, Step, Which, point_upwards};
 use crate::error::{Error, Result};
 use crate::krylov::basis::{Basis, Removed, orthogonalized};
 use crate::operator::vectors::accumulate;
@@ -81,7 +81,7 @@ pub(super) fn orthogonalize(vectors: &mut dyn Vectors) -> Result<Removed> {
 pub(in crate::krylov) const MOST: usize = 256;
 
 /// The vectors of a factorization while they are in the memory of an operator.
-pub(in crate::krylov) struct Resident {
+struct Resident {
     vectors: Box<dyn Vectors>,
     /// The largest number of columns.
     room: usize,
@@ -95,11 +95,7 @@ impl Factorization {
     /// Copies the vectors to the memory of `operator`, if it has one with room for a subspace of `steps` dimensions. Until
     /// [`Factorization::download`], only [`Factorization::expand_resident`] may change the factorization, and the vectors in the host's
     /// memory are out of date. Fails as [`Operator::vectors`].
-    pub(in crate::krylov) fn upload(
-        &self,
-        operator: &dyn Operator,
-        steps: usize,
-    ) -> Result<Option<Resident>> {
+    fn upload(&self, operator: &dyn Operator, steps: usize) -> Result<Option<Resident>> {
         let columns = self.known + steps.max(self.steps()).min(self.n()) + self.block;
         if !self.ready.is_empty() || columns > MOST {
             return Ok(None);
@@ -113,11 +109,7 @@ impl Factorization {
     }
 
     /// Takes one step as [`Factorization::expand`], with the vectors in the memory of the operator.
-    pub(in crate::krylov) fn expand_resident(
-        &mut self,
-        resident: &mut Resident,
-        operator: &mut dyn Operator,
-    ) -> Result<Step> {
+    fn expand_resident(&mut self, resident: &mut Resident, operator: &mut dyn Operator) -> Result<Step> {
         self.fits(operator)?;
         if self.pending == 0 {
             return Ok(Step::Exhausted);
@@ -138,7 +130,7 @@ impl Factorization {
     ///
     /// # Errors
     /// The error of that memory, unless an earlier call has returned one.
-    pub(in crate::krylov) fn download(&mut self, resident: Resident) -> Result<()> {
+    fn download(&mut self, resident: Resident) -> Result<()> {
         // A step changes the last column, and the columns before it are still here.
         let kept = resident.before.total() - 1;
         let column = |index| Ok(resident.vectors.column(index)?.into_owned());
@@ -180,8 +172,8 @@ impl Factorization {
     }
 }
 
-/// A factorization whose vectors are in the memory of the operator, as long as there is room. Those in the host's memory are then out of
-/// date, so Ritz vectors must come from [`Placed::ritz_vector`].
+/// A factorization whose vectors are in the host's memory, or in that of the operator as long as there is room. Those in the host's memory
+/// are then out of date, so Ritz vectors must come from [`Placed::ritz_vector`].
 pub(in crate::krylov) struct Placed {
     factorization: Factorization,
     resident: Option<Resident>,
@@ -196,40 +188,90 @@ impl Deref for Placed {
 }
 
 impl Placed {
-    /// Makes room for a subspace of `steps` dimensions. Fails as [`Factorization::upload`].
-    pub(in crate::krylov) fn new(
-        mut factorization: Factorization,
-        operator: &dyn Operator,
-        steps: usize,
-    ) -> Result<Self> {
-        factorization.reserve(steps);
-        let resident = factorization.upload(operator, steps)?;
-        Ok(Self { factorization, resident })
+    /// A factorization in the host's memory.
+    pub(in crate::krylov) fn new(factorization: Factorization) -> Self {
+        Self { factorization, resident: None }
+    }
+
+    /// Does `work` with a factorization, whose vectors come back to the host's memory. Fails with the error of `work`, or else as
+    /// [`Factorization::download`].
+    pub(in crate::krylov) fn within<T>(
+        factorization: &mut Factorization,
+        work: impl FnOnce(&mut Self) -> Result<T>,
+    ) -> Result<T> {
+        let moved = factorization.without_vectors();
+        let mut placed = Self::new(std::mem::replace(factorization, moved));
+        let done = work(&mut placed);
+        let back = placed.leave();
+        *factorization = placed.factorization;
+        done.and_then(|done| back.map(|()| done))
+    }
+
+    /// Makes room for a subspace of `steps` dimensions, in the memory of the operator if it has one. Fails as [`Factorization::upload`].
+    pub(in crate::krylov) fn place(&mut self, operator: &dyn Operator, steps: usize) -> Result<()> {
+        self.factorization.reserve(steps);
+        self.resident = self.factorization.upload(operator, steps)?;
+        Ok(())
+    }
+
+    /// Copies the vectors back to the host's memory, as [`Factorization::download`].
+    fn leave(&mut self) -> Result<()> {
+        self.resident.take().map_or(Ok(()), |resident| self.factorization.download(resident))
     }
 
     /// Takes one step as [`Factorization::expand`]. After an error of the memory of the operator, the factorization is as it was when its
     /// vectors were copied there.
     pub(in crate::krylov) fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step> {
         let total = self.factorization.total();
-        if let Some(resident) = self.resident.take_if(|resident| resident.room <= total) {
-            self.factorization.download(resident)?;
+        if self.resident.as_ref().is_some_and(|resident| resident.room <= total) {
+            self.leave()?;
         }
         let Some(resident) = &mut self.resident else { return self.factorization.expand(operator) };
         let step = self.factorization.expand_resident(resident, operator);
-        if let Some(resident) = self.resident.take_if(|resident| resident.is_broken) {
-            self.factorization.download(resident)?;
+        if resident.is_broken {
+            self.leave()?;
         }
         step
     }
 
-    /// [`Factorization::ritz_vector`] for a real pair. Fails with the error of the memory of the operator.
+    /// Takes products in advance as [`Factorization::multiply_block`], unless the vectors are in the memory of the operator.
+    pub(in crate::krylov) fn multiply_block(
+        &mut self,
+        operator: &mut dyn Operator,
+        most: usize,
+    ) -> Result<()> {
+        if self.resident.is_some() { Ok(()) } else { self.factorization.multiply_block(operator, most) }
+    }
+
+    /// Shrinks the subspace as [`Factorization::shrink`], and makes room for one of `steps` dimensions where the vectors are.
+    pub(in crate::krylov) fn shrink(
+        &mut self,
+        operator: &dyn Operator,
+        (which, keep): (Which, usize),
+        steps: usize,
+    ) -> Result<()> {
+        let is_resident = self.resident.is_some();
+        self.leave()?;
+        self.factorization.shrink(which, keep)?;
+        if is_resident { self.place(operator, steps) } else { Ok(()) }
+    }
+
+    /// [`Factorization::ritz_vector`]. Fails with the error of the memory of the operator.
     pub(in crate::krylov) fn ritz_vector(&mut self, pair: &RitzPair) -> Result<Vec<f64>> {
+        let mut vector = self.combine(&pair.coefficients)?;
+        if pair.is_real() {
+            point_upwards(&mut vector);
+        }
+        Ok(vector)
+    }
+
+    /// `V s`, for the basis without the waiting vectors. Fails with the error of the memory of the operator.
+    pub(in crate::krylov) fn combine(&mut self, coefficients: &[f64]) -> Result<Vec<f64>> {
         let Some(Resident { vectors, .. }) = &mut self.resident else {
-            return Ok(self.factorization.ritz_vector(pair));
+            return Ok(self.factorization.combine(coefficients));
         };
         let mut vector = vec![0.0; self.factorization.n()];
-        accumulate(&mut **vectors, self.factorization.known, &pair.coefficients, &mut vector)?;
-        point_upwards(&mut vector);
+        accumulate(&mut **vectors, self.factorization.known, coefficients, &mut vector)?;
         Ok(vector)
     }
 }
