@@ -2,7 +2,8 @@
 // between two sweeps.
 
 struct Ahead {
-    // The columns of the basis, of which the product may have large parts along those from `first` on, and none along the first `known`.
+    // The number of columns of the basis. The product may have large parts along the columns from `first` on. The first `known` columns are
+    // known vectors. No late parts lie along them.
     columns: u32,
     first: u32,
     known: u32,

@@ -172,8 +172,8 @@ impl Factorization {
     }
 }
 
-/// A factorization whose vectors are in the host's memory, or in that of the operator as long as there is room. Those in the host's memory
-/// are then out of date, so Ritz vectors must come from [`Placed::ritz_vector`].
+/// A factorization whose vectors may be in the memory of the operator. While they are there, the vectors in the host's memory are out of
+/// date. Ritz vectors must therefore come from [`Placed::ritz_vector`] and [`Placed::combine`].
 pub(in crate::krylov) struct Placed {
     factorization: Factorization,
     resident: Option<Resident>,
@@ -184,6 +184,20 @@ impl Deref for Placed {
 
     fn deref(&self) -> &Factorization {
         &self.factorization
+    }
+}
+
+/// A factorization on loan, which goes back even if the work with it panics.
+struct Lent<'a> {
+    placed: Placed,
+    home: &'a mut Factorization,
+}
+
+impl Drop for Lent<'_> {
+    fn drop(&mut self) {
+        // Only after a panic, vectors are still in the memory of the operator. An error of that memory brings back an earlier state.
+        let _ = self.placed.leave();
+        std::mem::swap(self.home, &mut self.placed.factorization);
     }
 }
 
@@ -200,15 +214,17 @@ impl Placed {
         work: impl FnOnce(&mut Self) -> Result<T>,
     ) -> Result<T> {
         let moved = factorization.without_vectors();
-        let mut placed = Self::new(std::mem::replace(factorization, moved));
-        let done = work(&mut placed);
-        let back = placed.leave();
-        *factorization = placed.factorization;
+        let placed = Self::new(std::mem::replace(factorization, moved));
+        let mut lent = Lent { placed, home: factorization };
+        let done = work(&mut lent.placed);
+        let back = lent.placed.leave();
         done.and_then(|done| back.map(|()| done))
     }
 
-    /// Makes room for a subspace of `steps` dimensions, in the memory of the operator if it has one. Fails as [`Factorization::upload`].
+    /// Makes room for a subspace of `steps` dimensions, in the memory of the operator if it has one. The vectors must be in the host's
+    /// memory. Fails as [`Factorization::upload`].
     pub(in crate::krylov) fn place(&mut self, operator: &dyn Operator, steps: usize) -> Result<()> {
+        debug_assert!(self.resident.is_none());
         self.factorization.reserve(steps);
         self.resident = self.factorization.upload(operator, steps)?;
         Ok(())
@@ -243,7 +259,8 @@ impl Placed {
         if self.resident.is_some() { Ok(()) } else { self.factorization.multiply_block(operator, most) }
     }
 
-    /// Shrinks the subspace as [`Factorization::shrink`], and makes room for one of `steps` dimensions where the vectors are.
+    /// Shrinks the subspace as [`Factorization::shrink`]. If the vectors are in the memory of the operator, the new ones are there, too, with
+    /// room for a subspace of `steps` dimensions.
     pub(in crate::krylov) fn shrink(
         &mut self,
         operator: &dyn Operator,

@@ -246,9 +246,9 @@ impl GpuMatrix {
         }
     }
 
-    /// `w ← P v`, or `w ← S P Sᵀ v` with the selection of the vectors, for a column `v` and a part `P` or its transpose. Waits
-    /// for the product only if it was taken in advance. `matrix` is as for [`GpuMatrix::multiply`]. Fails as [`GpuMatrix::apply`], and with [`Error::Numerical`] for
-    /// vectors of another size.
+    /// `w ← P v`, or `w ← S P Sᵀ v` with the selection of the vectors, for a column `v` and a part `P` or its transpose. Waits for the
+    /// product only if it was taken in advance. `matrix` is as for [`GpuMatrix::multiply`]. Fails as [`GpuMatrix::apply`], and with
+    /// [`Error::Numerical`] for vectors of another size.
     pub(super) fn multiply_within(
         &self,
         matrix: &TransportMatrix,

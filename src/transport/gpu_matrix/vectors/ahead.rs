@@ -21,7 +21,8 @@ use crate::transport::matrix::Product;
 /// The most steps in flight on a GPU: the device takes one step while the host reads the one before.
 const ON_GPU: usize = 2;
 
-/// On software Vulkan, the host waits for the processor that computes. The device takes the rest of a step whose product is needed anyway.
+/// Software Vulkan computes on the host's own processor, so that more steps in flight gain nothing. The host has asked for the product of
+/// the one step, and the device computes the rest of it.
 const ON_PROCESSOR: usize = 1;
 
 /// A flight of fewer steps is not worth its buffers. After some of them, there are no more flights.
@@ -158,7 +159,8 @@ impl DeviceVectors {
         // The first steps of a process have inner products with all columns.
         let is_steady = 0 < shape.recent && shape.recent < self.columns - 1;
         let follows = shape.waiting > 1 || ahead.is_tridiagonal(shape.known, self.columns);
-        let is_possible = self.columns < self.room && ahead.depth > 0 && ahead.short < MOST_SHORT;
+        let has_room = self.columns < self.room && shape.known <= self.together;
+        let is_possible = has_room && ahead.depth > 0 && ahead.short < MOST_SHORT;
         if !is_steady || !follows || !is_possible {
             return Ok(());
         }
@@ -204,6 +206,7 @@ impl DeviceVectors {
         let landed = self.depart();
         debug_assert!(landed.is_ok() || self.gpu.require_working().is_err());
         self.ahead.shape = None;
+        self.ahead.scale = 0.0;
         self.ahead.tridiagonal.clear();
     }
 
@@ -299,7 +302,8 @@ impl DeviceVectors {
         let is_regular =
             matches!(self.ahead.call, Call::Settle | Call::Remove) && divisor == self.ahead.rest.1;
         let (total, known) = (self.columns, self.ahead.shape.as_ref().map(|shape| shape.known));
-        // Vulkan promises no rounding of square roots in double precision, and the device divides by 1 too, which must not change a bit.
+        // The device's square root may differ in the last bit, because Vulkan does not promise its rounding. The host then pushes. The host
+        // also pushes for a divisor of 1, because a division by 1 on the device may change bits.
         let is_taken = |flight: &&mut Flight| {
             let found = flight.taken().is_some_and(|taken| taken.divisor == divisor && divisor != 1.0);
             is_regular && found && Some(flight.shape.known) == known

@@ -6,8 +6,8 @@ use std::collections::VecDeque;
 use rayon::prelude::*;
 use wgpu::{Buffer, BufferUsages, CommandEncoder};
 
-use super::DeviceVectors;
 use super::ahead::{Call, Shape};
+use super::{DeviceVectors, INVOCATIONS, Part};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::buffers::Readback;
@@ -44,6 +44,8 @@ pub(super) struct Flight {
     pub(super) shape: Shape,
     /// `settle` and `rest` of the shader.
     coefficients: [Step; 2],
+    /// Removes the parts along the known vectors from `w`.
+    remove_known: Step,
     memory: Buffer,
     /// The length of a row of the memory.
     room: usize,
@@ -52,8 +54,9 @@ pub(super) struct Flight {
     launched: VecDeque<(usize, Readback)>,
     /// The slot of the step that the host asks for, and the results.
     present: Option<(usize, Taken)>,
-    /// The slot of the last step that the host has asked for wholly, and the number of such steps.
+    /// The slot of the last step that the host has asked for wholly.
     pushed: Option<usize>,
+    /// The number of steps that the host has asked for wholly.
     pub(super) steps: usize,
 }
 
@@ -154,8 +157,8 @@ fn copy(from: &Buffer, to: &Buffer, encoder: &mut CommandEncoder) {
 }
 
 impl Flight {
-    /// Makes room for `depth` steps that follow a regular step of this shape, whose sums are on the device. `tridiagonal` has the entries
-    /// above, on and below the diagonal for each column.
+    /// Makes room for `depth` steps that follow a regular step of this shape, whose sums are on the device. The known vectors must be in the
+    /// first buffer of columns. `tridiagonal` has the entries above, on and below the diagonal for each column.
     pub(super) fn new(
         vectors: &DeviceVectors,
         shape: Shape,
@@ -175,9 +178,14 @@ impl Flight {
         let step =
             |kernel: &Kernel| kernel.step(gpu, &Parameters::default(), &[&vectors.sums.buffer, &memory], 1);
         let coefficients = [step(&settle)?, step(&rest)?];
+        let [remove, ..] = super::kernels(gpu)?;
+        let part = Part { rows: vectors.rows as u32, columns: shape.known as u32, ..Part::default() };
+        let buffers = [&vectors.chunks[0].columns, &vectors.coefficients.of_work, &vectors.work, &memory];
+        let remove_known = remove.step(gpu, &part, &buffers, vectors.rows.div_ceil(INVOCATIONS) as u32)?;
         let slots = (0..depth).map(|_| Slot::new(vectors, &shape, room, reads)).collect::<Result<_>>()?;
         let (launched, present, pushed, steps) = (VecDeque::new(), None, None, 0);
-        let mut flight = Self { shape, coefficients, memory, room, slots, launched, present, pushed, steps };
+        let mut flight =
+            Self { shape, coefficients, remove_known, memory, room, slots, launched, present, pushed, steps };
         let parameters = flight.parameters(vectors.columns - 1, 0);
         flight.coefficients[1].change(gpu, &parameters, 1)?;
         gpu.submit("coefficients", |encoder| {
@@ -236,18 +244,17 @@ impl Flight {
             fetch(first + LATE_PARTS, &vectors.coefficients.of_single, total - 1, encoder);
         })?;
         let sweep = vectors.plan(0..total, total - 1, Some(0..total))?;
-        gpu.submit("orthogonalization ahead", |encoder| {
+        vectors.plan_push()?;
+        let submission = gpu.submit("orthogonalization ahead", |encoder| {
             vectors.record(&sweep, encoder);
             Step::record(&gpu, "coefficients", [rest], encoder);
             copy(&vectors.work, &slot.rest, encoder);
+            if let Some(left) = &slot.left {
+                fetch(first + REST, &vectors.coefficients.of_work, known, encoder);
+                Step::record(&gpu, "orthogonalization", [&self.remove_known], encoder);
+                copy(&vectors.work, left, encoder);
+            }
             fetch(TERMS, &vectors.coefficients.of_terms, 4, encoder);
-            fetch(first + REST, &vectors.coefficients.of_work, known, encoder);
-        })?;
-        let removal = vectors.plan(0..known, 0, None)?;
-        vectors.plan_push()?;
-        let submission = gpu.submit("column ahead", |encoder| {
-            vectors.record(&removal, encoder);
-            slot.left.iter().for_each(|left| copy(&vectors.work, left, encoder));
             vectors.record_push(total, encoder);
             let (staging, mut place) = (&slot.staging, row(RECORD));
             encoder.copy_buffer_to_buffer(memory, row(first), staging, 0, place);

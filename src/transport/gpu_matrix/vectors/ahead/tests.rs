@@ -16,6 +16,8 @@ struct Case {
     selects: bool,
     reads: bool,
     steps: usize,
+    /// Room for more columns than the steps need, so that steps are in flight at the end.
+    spare: usize,
 }
 
 /// What a host that departs from the regular steps does.
@@ -59,7 +61,7 @@ impl<'a> Process<'a> {
         let entries: Vec<usize> = (0..PIXELS).filter(|entry| entry % 5 < 3).collect();
         let factors: Vec<f64> = entries.iter().map(|_| random.random_range(0.5..1.5)).collect();
         let selection = case.selects.then_some(Selection { entries: &entries, factors: &factors });
-        let columns = case.known + case.waiting + case.steps;
+        let columns = case.known + case.waiting + case.steps + case.spare;
         let rows = if case.selects { entries.len() } else { PIXELS };
         let made = DeviceVectors::in_chunks(&of.0.gpu, rows, columns, chunk)?;
         let mut vectors = made.of_product(PIXELS, selection)?;
@@ -205,7 +207,7 @@ fn steps_in_flight_find_the_bits_of_steps_that_the_host_asks_for() -> Result<()>
     let of = (&on_device, &assembled);
     for (waiting, known) in [(1, 0), (1, 1), (3, 0), (2, 2)] {
         for (selects, reads) in [(false, false), (true, true), (false, true)] {
-            let case = Case { waiting, known, selects, reads, steps: 14 };
+            let case = Case { waiting, known, selects, reads, steps: 14, spare: 2 };
             let (expected, flown) = Process::new(of, case, (0, 1 << 20))?.run(&[])?;
             assert_eq!(flown, 0, "without steps in flight");
             for depth in [1, 3] {
@@ -233,6 +235,7 @@ fn a_host_that_departs_from_its_steps_finds_the_vectors_that_it_expects() -> Res
             selects: random.random_range(0..2) == 0,
             reads: random.random_range(0..2) == 0,
             steps: random.random_range(12..18),
+            spare: random.random_range(0..3),
         };
         let events: Vec<(usize, usize, Event)> = (0..random.random_range(0..4))
             .map(|_| {
@@ -262,7 +265,7 @@ fn a_host_that_departs_from_its_steps_finds_the_vectors_that_it_expects() -> Res
 fn coefficients_that_the_device_has_not_used_are_computed() -> Result<()> {
     let assembled = coaxial();
     let on_device = GpuMatrix::on(&Gpu::for_tests(), &assembled.matrix)?;
-    let case = Case { waiting: 1, known: 0, selects: false, reads: false, steps: 12 };
+    let case = Case { waiting: 1, known: 0, selects: false, reads: false, steps: 12, spare: 0 };
     // The late parts, the parts ahead and the divisor, each changed by much less than they are, but more than by rounding.
     for wrong in 0..3 {
         let take = |depth| -> Result<(Vec<u64>, bool)> {
@@ -295,5 +298,38 @@ fn coefficients_that_the_device_has_not_used_are_computed() -> Result<()> {
         let [(expected, _), (found, still_flies)] = [take(0)?, take(2)?];
         assert!(found == expected && !still_flies, "case {wrong}");
     }
+    Ok(())
+}
+
+#[test]
+fn flights_begin_again_until_some_were_short() -> Result<()> {
+    let assembled = coaxial();
+    let on_device = GpuMatrix::on(&Gpu::for_tests(), &assembled.matrix)?;
+    let case = Case { waiting: 2, known: 1, selects: false, reads: false, steps: 40, spare: 0 };
+    let mut process = Process::new((&on_device, &assembled), case, (2, 1 << 20))?;
+    let mut flies = Vec::new();
+    for round in 0..5 {
+        // The first steps have inner products with all columns.
+        for _ in 0..if round == 0 { 5 } else { 3 } {
+            process.step(Event::Nothing, 0)?;
+        }
+        let is_flying = process.vectors.ahead.flight.is_some();
+        // A step that leaves out the removal along the known vector: the sums on the device are those of a later step.
+        process.multiply(1)?;
+        let total = process.vectors.columns();
+        let (along, _) = process.vectors.dots_and_norm(total - 4)?;
+        let of_last = along[3];
+        let ahead: Vec<f64> = process.late.iter().map(|late| -of_last * late).collect();
+        let settling = Settling { late: &process.late, along: &along, ahead: &ahead };
+        let (rest, length) = process.vectors.settle_and_dot(&settling)?;
+        process.vectors.push(length)?;
+        process.late = rest.iter().map(|rest| rest / length).collect();
+        process.late[0] = 0.0;
+        process.tridiagonal.push([0.0; 3]);
+        let landed = process.vectors.ahead.flight.is_none() && process.vectors.ahead.shape.is_none();
+        assert!(landed || !is_flying, "round {round}");
+        flies.push(is_flying);
+    }
+    assert_eq!(flies, [true, true, true, false, false]);
     Ok(())
 }
