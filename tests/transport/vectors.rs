@@ -185,6 +185,70 @@ fn a_stopped_process_goes_on_with_the_same_bits() {
 }
 
 #[test]
+fn complex_pairs_are_combined_on_the_device() {
+    // As many pixels of the projector as of the camera, and a matrix that is not symmetric.
+    let mut tracer = tracer(&load("cornell"));
+    let projector = Some(Resolution::new(32, 8));
+    let settings = TraceSettings { projector, ..settings(16, 24, 6, 7) };
+    let mut assembled = trace(&mut tracer, settings, Channels::Luma);
+    assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
+    let options = EigsOptions { count: 12, ..asked(EigsMethod::Arnoldi, 40) };
+    let mut operator = Watched::new(assembled.operator(Part::Full, 0));
+    let found = eigs(&mut operator, &options).expect("the process finds pairs");
+    assert_eq!((operator.within, operator.with_host), (40, 0));
+    let product = |x: &[f64]| {
+        let mut y = vec![0.0; x.len()];
+        assembled.operator(Part::Full, 0).apply(x, &mut y).expect("a product");
+        y
+    };
+    let mut complex = 0;
+    for (pair, imaginary) in found.imaginary_vectors.iter().enumerate() {
+        let (real, a, b) = (&found.vectors[pair], found.values[pair], found.imaginary_values[pair]);
+        let zeros = vec![0.0; real.len()];
+        let imaginary = if imaginary.is_empty() { &zeros } else { imaginary };
+        complex += usize::from(b != 0.0);
+        // A (x + iy) − (a + ib)(x + iy)
+        let [ax, ay] = [product(real), product(imaginary)];
+        let left = (0..real.len())
+            .flat_map(|i| [ax[i] - a * real[i] + b * imaginary[i], ay[i] - a * imaginary[i] - b * real[i]]);
+        let residual = norm(&left.collect::<Vec<f64>>());
+        let apart = (residual - found.residuals[pair]).abs();
+        // Rounding of 40 coefficients and of sums over 256 pixels.
+        assert!(apart < 1e-12 * found.values[0], "pair {pair}: {residual:e} {:e}", found.residuals[pair]);
+    }
+    assert!(complex >= 2, "{:?}", found.imaginary_values);
+    assert_eq!(
+        operator.read.load(Ordering::Relaxed),
+        12 + complex,
+        "only the vectors of the answer come back"
+    );
+}
+
+#[test]
+fn a_factorization_is_whole_after_refused_options_and_after_a_panic() {
+    let (_, assembled) = scene("corner", 8);
+    let mut operator = assembled.operator(Part::Full, 0);
+    let mut process = Factorization::lanczos(&Start::default().vector(64), &[]).expect("a start vector");
+    eigs_from(&mut process, &mut operator, &asked(EigsMethod::Lanczos, 5)).expect("5 products");
+    let before = saved(&process);
+    let none = EigsOptions { count: 0, ..asked(EigsMethod::Lanczos, 12) };
+    assert!(eigs_from(&mut process, &mut operator, &none).is_err());
+    assert_eq!(saved(&process), before);
+    let observer = OnStep::new(|_: &Step<'_>| panic!("an observer of a user"));
+    let mut observed = Observed::new(&mut operator, &observer);
+    let options = asked(EigsMethod::Lanczos, 12);
+    let work = || eigs_from(&mut process, &mut observed, &options);
+    let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(work));
+    assert!(panicked.is_err());
+    assert_eq!(
+        (process.steps(), process.basis().len()),
+        (6, 6),
+        "with the step of the observer that panicked"
+    );
+    eigs_from(&mut process, &mut operator, &options).expect("12 products");
+}
+
+#[test]
 fn a_whole_space_is_spanned_on_the_device() {
     let (tracer, mut assembled) = scene("corner", 4);
     assembled.place(&tracer, Backend::Gpu).expect("software Vulkan has f64");
