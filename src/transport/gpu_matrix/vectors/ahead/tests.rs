@@ -225,7 +225,10 @@ fn steps_in_flight_find_the_bits_of_steps_that_the_host_asks_for() -> Result<()>
 #[test]
 fn a_host_that_departs_from_its_steps_finds_the_vectors_that_it_expects() -> Result<()> {
     let assembled = coaxial();
-    let on_device = GpuMatrix::on(&Gpu::for_tests(), &assembled.matrix)?;
+    let gpu = Gpu::for_tests();
+    // A discrete GPU has separate memory that the host cannot read.
+    let far = Gpu { shares_memory: false, ..gpu.clone() };
+    let on_devices = [GpuMatrix::on(&gpu, &assembled.matrix)?, GpuMatrix::on(&far, &assembled.matrix)?];
     let random = &mut Pcg64::seed_from_u64(12);
     let mut flown = 0;
     for round in 0..60 {
@@ -248,7 +251,7 @@ fn a_host_that_departs_from_its_steps_finds_the_vectors_that_it_expects() -> Res
                 (random.random_range(0..case.steps), after, event)
             })
             .collect();
-        let of = (&on_device, &assembled);
+        let of = (&on_devices[round % 2], &assembled);
         // Buffers of one column, of some, and of all.
         let chunk = [1, 5 * 8 * PIXELS as u64, 1 << 20][round % 3];
         let (expected, _) = Process::new(of, case, (0, chunk))?.run(&events)?;
