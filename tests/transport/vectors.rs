@@ -234,7 +234,7 @@ fn a_factorization_is_whole_after_refused_options_and_after_a_panic() {
     let none = EigsOptions { count: 0, ..asked(EigsMethod::Lanczos, 12) };
     assert!(eigs_from(&mut process, &mut operator, &none).is_err());
     assert_eq!(saved(&process), before);
-    let observer = OnStep::new(|_: &Step<'_>| panic!("an observer of a user"));
+    let observer = OnStep::new(|_: &Step<'_>| unreachable!("an observer of a user panics"));
     let mut observed = Observed::new(&mut operator, &observer);
     let options = asked(EigsMethod::Lanczos, 12);
     let work = || eigs_from(&mut process, &mut observed, &options);
