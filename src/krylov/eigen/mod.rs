@@ -217,10 +217,7 @@ fn eigs_of(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let mut found = eigs_within(&mut process, operator, options)?;
     let broke_down = process.broke_down();
     drop(process);
-    if options.method == EigsMethod::Arnoldi {
-        return Ok(found);
-    }
-    if !is_due(operator, &found, options) {
+    if options.method == EigsMethod::Arnoldi || !is_due(operator, &found, options) {
         return Ok(found);
     }
     let left = options.products.saturating_sub(found.stats.products);

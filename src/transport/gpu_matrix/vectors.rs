@@ -292,20 +292,19 @@ impl DeviceVectors {
     /// `w ← w − V h`, over the columns from the given one, then `u ← u − V s` for the last column `u` and the columns before it. Then
     /// `Vᵀ w` over the columns from `dots`, and `‖w‖`; without `dots` nothing is read back.
     fn sweep(&mut self, (first, h): (usize, &[f64]), s: &[f64], dots: Option<usize>) -> Result<Sums> {
-        let count = self.columns.saturating_sub(dots.unwrap_or(self.columns));
-        let sweep =
-            self.plan(first..first + h.len(), s.len(), dots.map(|_| self.columns - count..self.columns))?;
+        let dots = dots.map(|first| first.min(self.columns)..self.columns);
+        let sweep = self.plan(first..first + h.len(), s.len(), dots.clone())?;
         let gpu = &self.gpu;
         let record = |encoder: &mut wgpu::CommandEncoder| {
             gpu.queue.write_buffer(&self.coefficients.of_work, 8 * first as u64, bytemuck::cast_slice(h));
             gpu.queue.write_buffer(&self.coefficients.of_single, 0, bytemuck::cast_slice(s));
             self.record(&sweep, encoder);
         };
-        if dots.is_none() {
+        let Some(dots) = dots else {
             gpu.submit("orthogonalization", record)?;
             return Ok((Vec::new(), 0.0));
-        }
-        let found = self.sums.launch(gpu, "inner products", 8 * (count as u64 + 1), record)?;
+        };
+        let found = self.sums.launch(gpu, "inner products", 8 * (dots.len() as u64 + 1), record)?;
         let mut sums: Vec<f64> = bytemuck::pod_collect_to_vec(&found.wait(gpu)?[..]);
         let square = sums.pop().unwrap_or_default();
         let length = if is_ordinary(square) { square.sqrt() } else { norm_of_square(square, &self.work()?) };

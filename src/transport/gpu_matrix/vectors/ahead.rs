@@ -261,7 +261,8 @@ impl DeviceVectors {
             // matrix beside the tridiagonal, which are rounding errors.
             let bound = f64::EPSILON * size;
             let ahead = settling.ahead.get(..first).unwrap_or_default();
-            are_near(settling.late, &taken.late, 8.0 * bound)
+            taken.known[first..] == *settling.along
+                && are_near(settling.late, &taken.late, 8.0 * bound)
                 && are_near(ahead, &taken.known[..first], (total + 16) as f64 * scale * bound)
         });
         let found = match taken.and_then(|taken| taken.rest.clone()) {
