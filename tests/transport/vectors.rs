@@ -13,8 +13,8 @@ use krylux::image::{Image, Resolution};
 use krylux::journal::{Journal, Kind};
 use krylux::krylov::{
     Completeness, Confirm, Diagonal, Eigs, EigsMethod, EigsOptions, Factorization, ForwardOnly, METHODS,
-    Method, MethodFacts, PairStatus, SingularOptions, Solution, SolveOptions, Start, Status, confirm, dot,
-    eigs, eigs_from, norm, singular, solve, solve_adjoint, solve_from,
+    Method, MethodFacts, PairStatus, SingularOptions, Solution, SolveOptions, SolveRow, Start, Status,
+    confirm, dot, eigs, eigs_from, norm, singular, solve, solve_adjoint, solve_from,
 };
 use krylux::lab::{Lab, RunOptions, Settings, SharedObserver};
 use krylux::observer::{Level, Observer, OnStep, PhotoTaken, Step};
@@ -715,6 +715,18 @@ fn true_residual(assembled: &Assembled, x: &[f64], b: &[f64]) -> f64 {
 const RESIDENT: [Method; 7] =
     [Method::Gmres, Method::Minres, Method::Cg, Method::Cgs, Method::BiCgStab, Method::Lsqr, Method::Lsmr];
 
+/// The methods with bounds whose vectors may be on the device.
+const BOXED: [Method; 2] = [Method::Jacobi, Method::Fista];
+
+/// The number of products that a method takes with the host: the white photo, and the residual of a first iterate.
+fn products_with_the_host(method: Method, options: &SolveOptions) -> usize {
+    if BOXED.contains(&method) {
+        1 + usize::from(options.diagonal.is_none())
+    } else {
+        usize::from(options.x0.is_some())
+    }
+}
+
 #[test]
 fn every_solver_finds_on_the_device_what_it_finds_on_the_host() {
     for (name, size) in [("corner", 16), ("cornell", 32), ("zigzag", 48)] {
@@ -724,7 +736,9 @@ fn every_solver_finds_on_the_device_what_it_finds_on_the_host() {
         let begun = SolveOptions { x0: Some(vec![0.5; b.len()]), ..whole.clone() };
         let mut cases = vec![(Method::Gmres, SolveOptions { restart: Some(7), ..whole.clone() })];
         cases.extend(METHODS.map(|MethodFacts { method, .. }| (method, whole.clone())));
-        cases.extend(RESIDENT.map(|method| (method, begun.clone())));
+        cases.extend(RESIDENT.into_iter().chain(BOXED).map(|method| (method, begun.clone())));
+        let given = SolveOptions { diagonal: Some(vec![0.7; b.len()]), upper: 0.9, ..whole.clone() };
+        cases.extend(BOXED.map(|method| (method, given.clone())));
         let entries = (0..b.len()).map(|i| 1.5 + (i as f64 * 0.2).cos()).collect();
         let diagonal = Arc::new(Diagonal::new(entries).expect("positive entries"));
         let preconditioned = SolveOptions { preconditioner: Some(diagonal), ..whole };
@@ -741,9 +755,8 @@ fn every_solver_finds_on_the_device_what_it_finds_on_the_host() {
             let what = format!("{name}, {method:?}");
             let mut watched = Watched::new(assembled.operator(Part::Full, 0));
             let device = solved(&mut watched, *method, options);
-            if RESIDENT.contains(method) {
-                // The residual of a first iterate is taken with the host.
-                assert_eq!(watched.with_host, usize::from(options.x0.is_some()), "{what}");
+            if RESIDENT.contains(method) || BOXED.contains(method) {
+                assert_eq!(watched.with_host, products_with_the_host(*method, options), "{what}");
             }
             assert_eq!(watched.within + watched.with_host, device.stats.products, "{what}");
             assert_eq!(
@@ -776,9 +789,9 @@ fn methods_with_the_transpose_find_on_the_device_what_they_find_on_the_host() {
     let settings = TraceSettings { projector, ..settings(16, 24, 6, 7) };
     let mut assembled = trace(&mut tracer, settings, Channels::Luma);
     let b: Vec<f64> = (0..256).map(|i| 0.2 + (i as f64 * 0.37).sin().abs()).collect();
-    let options = SolveOptions { products: 9, rtol: 0.0, ..SolveOptions::default() };
+    let options = SolveOptions { products: 9, rtol: 0.0, upper: 1e3, ..SolveOptions::default() };
     let of = SingularOptions { count: 2, tolerance: 1e-6, products: 60, ..SingularOptions::default() };
-    let methods = [Method::Lsqr, Method::Lsmr];
+    let methods = [Method::Lsqr, Method::Lsmr, Method::Fista];
     let solved = |operator: &mut dyn Adjoint, method| solve_adjoint(method, operator, &b, &options);
     let on_host =
         methods.map(|method| solved(&mut assembled.operator(Part::Full, 0), method).expect("9 products"));
@@ -787,8 +800,11 @@ fn methods_with_the_transpose_find_on_the_device_what_they_find_on_the_host() {
     for (method, host) in methods.into_iter().zip(&on_host) {
         let mut watched = Watched::new(assembled.operator(Part::Full, 0));
         let device = solved(&mut watched, method).expect("9 products");
-        assert_eq!((watched.within, watched.with_host), (9, 0), "{method:?}");
-        for (host, device) in host.history.iter().zip(&device.history) {
+        let with_host = products_with_the_host(method, &options);
+        assert_eq!((watched.within, watched.with_host), (9 - with_host, with_host), "{method:?}");
+        // Before the residual of a first iterate is known, it is infinite.
+        let known = |(host, _): &(&SolveRow, &SolveRow)| host.residual.is_finite();
+        for (host, device) in host.history.iter().zip(&device.history).filter(known) {
             // Rounding of products and sums, relative to 1. Later steps multiply it, because both methods lose orthogonality.
             let apart = (host.residual - device.residual).abs();
             assert!(apart < 1e-12, "{method:?}, product {}: {apart:e}", host.products);
@@ -844,6 +860,7 @@ fn solvers_go_on_after_more_products_are_allowed_and_after_their_device_failed()
     // GMRES that has room only for its first products moves its basis to the host.
     let mut cases = vec![(Method::Gmres, 6, [6, 40], 3), (Method::Gmres, 40, [6, 40], 30)];
     cases.extend(RESIDENT[1..].iter().map(|&method| (method, 9, [3, 9], 40)));
+    cases.extend(BOXED.map(|method| (method, 12, [5, 12], 40)));
     // Without a product before the failure.
     cases.extend(RESIDENT.map(|method| (method, 3, [0, 3], 15)));
     for (method, room, products, fewest) in cases {
@@ -893,12 +910,14 @@ fn a_solver_that_was_interrupted_on_the_device_goes_on_to_the_same_bits() {
     let options = SolveOptions { products: 12, rtol: 0.0, ..SolveOptions::default() };
     let diagonal = Arc::new(Diagonal::new(vec![2.0; b.len()]).expect("positive entries"));
     let preconditioned = SolveOptions { preconditioner: Some(diagonal), ..options.clone() };
-    let cases = RESIDENT.map(|method| (method, options.clone()));
-    for (method, options) in cases.into_iter().chain([(Method::Minres, preconditioned)]) {
+    let cases = RESIDENT.into_iter().chain(BOXED).map(|method| (method, options.clone()));
+    for (method, options) in cases.chain([(Method::Minres, preconditioned)]) {
         let whole = solve(method, &mut assembled.operator(Part::Full, 0), &b, &options).expect("12 products");
-        for product in [1, 4, 5, 12] {
+        let with_host = products_with_the_host(method, &options);
+        for within in [1, 4, 5, 12 - with_host] {
+            let product = within + with_host;
             let mut watched = Watched::new(assembled.operator(Part::Full, 0));
-            watched.interrupted = Some(product);
+            watched.interrupted = Some(within);
             let mut solver = method.solver(b.len(), &b, &options).expect("good options");
             let stopped = solve_from(&mut solver, &mut ForwardOnly(&mut watched), &options);
             assert!(matches!(stopped, Err(Error::Interrupted)), "{method:?}");
@@ -906,7 +925,7 @@ fn a_solver_that_was_interrupted_on_the_device_goes_on_to_the_same_bits() {
             let rest = solve_from(&mut solver, &mut ForwardOnly(&mut watched), &options).expect("the others");
             assert_eq!(rest.x, whole.x, "{method:?}, product {product}");
             assert_eq!(rest.history, whole.history[product - 1..], "{method:?}, product {product}");
-            assert_eq!(watched.with_host, 0, "{method:?}");
+            assert_eq!(watched.with_host, with_host, "{method:?}");
         }
     }
 }
@@ -924,14 +943,15 @@ fn a_compensation_uses_the_memory_of_the_device() {
         let operator = MatrixOperator::new(&assembled.matrix, Part::Full, 0);
         compensate::compensate(&mut [operator], &target, &options).expect("a pattern").least_residual
     };
-    for method in [Method::Minres, Method::KrylovBox, Method::Lsqr] {
+    for method in [Method::Minres, Method::KrylovBox, Method::Lsqr, Method::Fista] {
         let options = CompensateOptions { method, photos: 8, ..CompensateOptions::default() };
         let mut watched = Watched::new(assembled.operator(Part::Full, 0));
         let found =
             compensate::compensate(&mut [ForwardOnly(&mut watched)], &target, &options).expect("a pattern");
         // The bound comes from products with the transpose.
         let least = [on_host(method), found.least_residual];
-        assert_eq!([least[0].is_some(), least[1].is_some()], [method == Method::Lsqr; 2], "{method:?}");
+        let has_bound = matches!(method, Method::Lsqr | Method::Fista);
+        assert_eq!([least[0].is_some(), least[1].is_some()], [has_bound; 2], "{method:?}");
         assert!((least[0].unwrap_or(0.0) - least[1].unwrap_or(0.0)).abs() < 1e-12, "{method:?}: {least:?}");
         let calls = usize::MAX - watched.calls.load(Ordering::Relaxed);
         assert_eq!(watched.within > 0, method != Method::KrylovBox);

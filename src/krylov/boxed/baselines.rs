@@ -4,7 +4,7 @@ use super::Boxed;
 use crate::error::Result;
 use crate::krylov::basis::{axpy, dot, update2};
 use crate::krylov::completeness::Status;
-use crate::krylov::linear::{Advance, Recurrence, SolveOptions, Solver, System, ended};
+use crate::krylov::linear::{Advance, At, Recurrence, SolveOptions, Solver, System, ended};
 use crate::operator::Adjoint;
 
 /// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by `x ← clip(x + (b − A x) / D)`.
@@ -16,10 +16,10 @@ use crate::operator::Adjoint;
 ///
 /// References: Projected Richardson iteration with diagonal scaling; Bertsekas and Tsitsiklis, *Parallel and Distributed Computation*,
 /// section 3.3 (1989). Its use for compensation: Grossberg, Peri, Nayar and Belhumeur (2004), doi:10.1109/CVPR.2004.1315065.
-pub struct ProjectedJacobi {
-    boxed: Boxed,
-    next: Vec<f64>,
-}
+pub struct ProjectedJacobi(Boxed);
+
+/// The next iterate of [`ProjectedJacobi`].
+const NEXT: At = At::Own(0);
 
 impl ProjectedJacobi {
     /// Makes the state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and
@@ -30,27 +30,29 @@ impl ProjectedJacobi {
     /// [`Error::Option`](crate::Error::Option) for a preconditioner or an empty box.
     pub fn solver(b: &[f64], options: &SolveOptions) -> Result<Solver> {
         let (system, boxed) = Boxed::new("projected Jacobi", b.len(), b, options)?;
-        Ok(Solver::new(system, Self { boxed, next: vec![0.0; b.len()] }))
+        Ok(Solver::new(system, Self(boxed)))
     }
 }
 
 impl Recurrence for ProjectedJacobi {
     fn step(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Advance> {
-        if self.boxed.take_diagonal(system, operator)? {
+        let Self(boxed) = self;
+        if boxed.begin(system, operator, [0, 1])? {
             return Ok(Advance::Continuing);
         }
-        let Boxed { bounds, diagonal, .. } = &self.boxed;
-        self.next.copy_from_slice(&system.x);
-        if !system.pending {
-            update2(&mut self.next, &system.r, diagonal, |x, r, d| bounds.clip(x + r / d));
-            if self.next == system.x {
-                return ended(Status::Stalled);
-            }
+        system.combine(At::Work, &[(1.0, At::R)], 1.0)?;
+        boxed.step(system, NEXT, At::X, 1.0)?;
+        if system.distance(NEXT, At::X)? == 0.0 {
+            return ended(Status::Stalled);
         }
-        system.tally.product(operator, &self.next, &mut system.work)?;
-        std::mem::swap(&mut system.x, &mut self.next);
-        system.settle();
+        system.multiply(operator, (NEXT, 1.0), [])?;
+        system.exchange(At::X, NEXT);
+        Boxed::settle(system)?;
         Ok(Advance::Continuing)
+    }
+
+    fn leave(&mut self, system: &mut System) {
+        system.leave();
     }
 }
 

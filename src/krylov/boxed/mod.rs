@@ -13,8 +13,8 @@ mod model;
 mod resident;
 mod sweep;
 
-use super::basis::{dot, update2};
-use super::linear::{SolveOptions, System};
+use super::basis::{dot, update, update2};
+use super::linear::{At, SolveOptions, System};
 use super::powers::{exponent, power, scale, scaled};
 use crate::error::{Error, Result};
 use crate::operator::Adjoint;
@@ -44,6 +44,11 @@ const DARK: f64 = 1e-3;
 /// The largest allowed ratio, as a power of two, of the right-hand side to the products of patterns in the box. At ratios far below this
 /// limit already, products are too small to change a residual.
 const REACH: i32 = 200;
+
+/// `b`, `1/D` and a vector of ones, which only the memory of an operator needs.
+const RHS: At = At::Constant(0);
+const INVERSE: At = At::Constant(1);
+const ONES: At = At::Constant(2);
 
 /// The box of a least-squares problem, and the diagonal `D`. The first iterate is `clip(x0)`, or `clip(b / D)` without an `x0`.
 struct Boxed {
@@ -89,6 +94,44 @@ impl Boxed {
         system.tally.product(operator, &ones, &mut system.work)?;
         self.set_diagonal(system, system.work.clone())?;
         Ok(true)
+    }
+
+    /// Takes the white photo, and then the residual of the first iterate, unless they are known: one product. Returns true if this call took
+    /// one. Otherwise the vectors are in their place, as after [`System::begin_with`].
+    fn begin(&mut self, system: &mut System, operator: &mut dyn Adjoint, own: [usize; 2]) -> Result<bool> {
+        if self.take_diagonal(system, operator)? {
+            return Ok(true);
+        }
+        system.begin_with(operator, own, |System { b, .. }| {
+            let inverse = self.diagonal.iter().map(|d| d.recip()).collect();
+            vec![b.clone(), inverse, vec![1.0; b.len()]]
+        })
+    }
+
+    /// `r ← b − A x`, for the product `A x` in `w`. Records its norm.
+    fn settle(system: &mut System) -> Result<()> {
+        if !system.is_resident() {
+            system.settle();
+            return Ok(());
+        }
+        system.combine(At::Work, &[(1.0, RHS), (-1.0, At::Work)], 1.0)?;
+        let residual = system.dots([])?.norm;
+        system.keep(At::R)?;
+        system.note_within(residual)
+    }
+
+    /// `to ← clip(v + w/(c D))`.
+    fn step(&self, system: &mut System, to: At, v: At, c: f64) -> Result<()> {
+        let mut share = 1.0;
+        if system.is_resident() {
+            system.scale_by(INVERSE)?;
+            share /= c;
+        } else {
+            update(&mut system.work, &self.diagonal, |w, d| w / (c * d));
+        }
+        system.combine(At::Work, &[(share, At::Work), (1.0, v)], 1.0)?;
+        system.clip(ONES, (self.bounds.lower, self.bounds.upper))?;
+        system.keep(to)
     }
 
     /// Sets `D`, which must be divided by the same power of two as the products.

@@ -26,6 +26,7 @@ use crate::operator::{Adjoint, Direction, Operator, Symmetry, Vectors, delegate}
 pub use biconjugate::{BiCgStab, Cgs};
 pub use bidiagonal::{Lsmr, Lsqr};
 pub use gmres::Gmres;
+pub(crate) use place::At;
 pub use symmetric::{Cg, Minres};
 pub use system::Tally;
 pub(crate) use system::{System, square};

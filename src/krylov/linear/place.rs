@@ -8,7 +8,7 @@ use crate::operator::{Adjoint, Direction, Sums, Vectors};
 
 /// A vector of a short recurrence.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum At {
+pub(crate) enum At {
     /// `w`, which products and combinations overwrite.
     Work,
     /// The iterate.
@@ -19,16 +19,18 @@ pub(super) enum At {
     R,
     /// A vector of the method.
     Own(usize),
+    /// A constant vector that only the memory of the operator holds.
+    Constant(usize),
 }
 
 /// Inner products with `w`.
-pub(super) struct Dots<const K: usize> {
+pub(crate) struct Dots<const K: usize> {
     /// `vᵀ w` for the vectors that were asked for.
-    pub(super) with: [f64; K],
+    pub(crate) with: [f64; K],
     /// `wᵀ w`.
-    pub(super) square: f64,
+    pub(crate) square: f64,
     /// `‖w‖`.
-    pub(super) norm: f64,
+    pub(crate) norm: f64,
 }
 
 /// The vectors of a method.
@@ -36,17 +38,21 @@ pub(super) enum Place {
     /// Each vector is in the host's memory. It is empty until the first step.
     Host(Vec<Vec<f64>>),
     /// All vectors are in the memory of the operator. The second field holds the columns of `x`, the best `x`, `r` and the method's own
-    /// vectors. The system holds `x` and `r` as they were at the first step.
+    /// vectors. The columns of constants follow. The system holds `x` and `r` as they were at the first step.
     Resident(Box<dyn Vectors>, Vec<usize>),
 }
 
 /// The number of vectors that every method has in the memory of the operator.
 const COMMON: usize = 3;
 
-/// The place of a vector in the list of columns, or `None` for `w`.
+/// `M⁻¹` for a diagonal `M`, and the place of a vector that is kept meanwhile.
+const INVERSE: At = At::Constant(0);
+const SPARE: At = At::Constant(1);
+
+/// The place of a vector in the list of columns, or `None` for `w` and for constants.
 fn slot(at: At) -> Option<usize> {
     match at {
-        At::Work => None,
+        At::Work | At::Constant(_) => None,
         At::X => Some(0),
         At::Best => Some(1),
         At::R => Some(2),
@@ -56,7 +62,10 @@ fn slot(at: At) -> Option<usize> {
 
 /// The column of a vector, or `None` for `w`.
 fn column(columns: &[usize], at: At) -> Option<usize> {
-    slot(at).map(|slot| columns[slot])
+    match at {
+        At::Constant(index) => Some(columns.len() + index),
+        _ => slot(at).map(|slot| columns[slot]),
+    }
 }
 
 fn picked<const K: usize>(columns: &[usize], (sums, norm): &Sums, with: [At; K]) -> Dots<K> {
@@ -71,7 +80,20 @@ impl System {
     /// makes the vectors of the method, unless it has them: first `left` vectors as long as `b`, then `right` vectors as long as `x`. They
     /// are in the memory of the operator if there is one. A preconditioner that is not diagonal works on the host, and its vectors are
     /// there.
-    pub(super) fn begin(&mut self, operator: &mut dyn Adjoint, [left, right]: [usize; 2]) -> Result<bool> {
+    pub(super) fn begin(&mut self, operator: &mut dyn Adjoint, own: [usize; 2]) -> Result<bool> {
+        self.begin_with(operator, own, |system| {
+            let inverse = system.inverse.diagonal();
+            inverse.map_or_else(Vec::new, |inverse| vec![inverse.clone(), inverse])
+        })
+    }
+
+    /// As [`System::begin`], with the constants that the method needs in the memory of the operator.
+    pub(crate) fn begin_with(
+        &mut self,
+        operator: &mut dyn Adjoint,
+        [left, right]: [usize; 2],
+        constants: impl FnOnce(&Self) -> Vec<Vec<f64>>,
+    ) -> Result<bool> {
         if self.open(operator)? {
             return Ok(true);
         }
@@ -82,7 +104,7 @@ impl System {
         let is_simple = self.inverse.is_identity() || self.inverse.is_diagonal();
         if !self.has_left && is_ordinary && is_simple {
             self.has_left = true;
-            if let Some(vectors) = self.upload(operator, left + right)? {
+            if let Some(vectors) = self.upload(operator, left + right, &constants(self))? {
                 self.place = Place::Resident(vectors, (0..COMMON + left + right).collect());
                 return Ok(false);
             }
@@ -93,11 +115,14 @@ impl System {
         Ok(false)
     }
 
-    /// Copies the vectors to the memory of the operator, if it has one that can combine them. With a preconditioner, the inverse of its
-    /// diagonal and a spare column follow.
-    fn upload(&self, operator: &dyn Adjoint, own: usize) -> Result<Option<Box<dyn Vectors>>> {
-        let inverse = self.inverse.diagonal();
-        let columns = COMMON + own + if inverse.is_some() { 2 } else { 0 };
+    /// Copies the vectors and these constants to the memory of the operator, if it has one that can combine them.
+    fn upload(
+        &self,
+        operator: &dyn Adjoint,
+        own: usize,
+        constants: &[Vec<f64>],
+    ) -> Result<Option<Box<dyn Vectors>>> {
+        let columns = COMMON + own + constants.len();
         let Some(mut vectors) = operator.vectors(columns, None)? else { return Ok(None) };
         vectors.load(&self.x)?;
         vectors.push(1.0)?;
@@ -106,9 +131,8 @@ impl System {
         vectors.push(1.0)?;
         vectors.load(&vec![0.0; self.x.len()])?;
         (0..own).try_for_each(|_| vectors.push(1.0))?;
-        if let Some(inverse) = inverse {
-            vectors.load(&inverse)?;
-            vectors.push(1.0)?;
+        for constant in constants {
+            vectors.load(constant)?;
             vectors.push(1.0)?;
         }
         Ok(can_combine(&mut *vectors, columns - 1)?.then_some(vectors))
@@ -116,8 +140,8 @@ impl System {
 
     /// Gives up the memory of the operator. The iterate and the residual are those of the first step. Returns true if the vectors were
     /// there.
-    pub(super) fn leave(&mut self) -> bool {
-        let is_resident = matches!(self.place, Place::Resident(..));
+    pub(crate) fn leave(&mut self) -> bool {
+        let is_resident = self.is_resident();
         if is_resident {
             self.place = Place::Host(Vec::new());
             self.best.copy_from_slice(&self.x);
@@ -127,8 +151,13 @@ impl System {
         is_resident
     }
 
+    /// Whether the vectors are in the memory of the operator.
+    pub(crate) fn is_resident(&self) -> bool {
+        matches!(self.place, Place::Resident(..))
+    }
+
     /// A vector in the host's memory. Only the method's own vectors are elsewhere if the vectors are in the memory of the operator.
-    pub(super) fn host(&self, at: At) -> &[f64] {
+    pub(crate) fn host(&self, at: At) -> &[f64] {
         match (at, &self.place) {
             (At::X, _) => &self.x,
             (At::Best, _) => &self.best,
@@ -150,7 +179,7 @@ impl System {
     }
 
     /// `w ← A v`, for a vector `v` of about this length. Returns the inner products with `w`.
-    pub(super) fn multiply<const K: usize>(
+    pub(crate) fn multiply<const K: usize>(
         &mut self,
         operator: &mut dyn Adjoint,
         of: (At, f64),
@@ -160,7 +189,7 @@ impl System {
     }
 
     /// `w ← Aᵀ u`, for a vector `u` of length 1.
-    pub(super) fn multiply_adjoint(&mut self, operator: &mut dyn Adjoint, u: At) -> Result<()> {
+    pub(crate) fn multiply_adjoint(&mut self, operator: &mut dyn Adjoint, u: At) -> Result<()> {
         self.multiply_in(Direction::Adjoint, operator, (u, 1.0), []).map(drop)
     }
 
@@ -193,7 +222,7 @@ impl System {
     }
 
     /// The inner products with `w`.
-    pub(super) fn dots<const K: usize>(&mut self, with: [At; K]) -> Result<Dots<K>> {
+    pub(crate) fn dots<const K: usize>(&mut self, with: [At; K]) -> Result<Dots<K>> {
         if let Place::Resident(vectors, columns) = &mut self.place {
             let first = if K == 0 { columns.len() } else { 0 };
             return Ok(picked(columns, &vectors.dots_and_norm(first)?, with));
@@ -206,7 +235,7 @@ impl System {
 
     /// `to ← (Σ c v)/divisor`, for one to three terms `(c, v)` in the order of the sum. If there are three, only the first can be `w`.
     /// Afterwards, `w` is unspecified unless it is `to`.
-    pub(super) fn combine(&mut self, to: At, terms: &[(f64, At)], divisor: f64) -> Result<()> {
+    pub(crate) fn combine(&mut self, to: At, terms: &[(f64, At)], divisor: f64) -> Result<()> {
         if let Place::Resident(vectors, columns) = &mut self.place {
             let terms: Vec<_> = terms.iter().map(|&(c, at)| (c, column(columns, at))).collect();
             return vectors.combine(column(columns, to), &terms, divisor);
@@ -246,7 +275,7 @@ impl System {
     }
 
     /// `v ← w`. Afterwards, `w` is unspecified.
-    pub(super) fn keep(&mut self, at: At) -> Result<()> {
+    pub(crate) fn keep(&mut self, at: At) -> Result<()> {
         if let Place::Resident(vectors, columns) = &mut self.place {
             return column(columns, at).map_or(Ok(()), |column| vectors.keep(column));
         }
@@ -254,8 +283,39 @@ impl System {
         Ok(())
     }
 
+    /// `v ← x`, for numbers of the host. Overwrites `w`.
+    pub(crate) fn set(&mut self, v: At, x: &[f64]) -> Result<()> {
+        match &mut self.place {
+            Place::Resident(vectors, _) => vectors.load(x)?,
+            Place::Host(_) => self.work = x.to_vec(),
+        }
+        self.keep(v)
+    }
+
+    /// `wᵢ ← vᵢ wᵢ`.
+    pub(crate) fn scale_by(&mut self, at: At) -> Result<()> {
+        if let Place::Resident(vectors, columns) = &mut self.place {
+            return column(columns, at).map_or(Ok(()), |column| vectors.scale_by(column));
+        }
+        let mut w = std::mem::take(&mut self.work);
+        update(&mut w, self.host(at), |w, v| w * v);
+        self.work = w;
+        Ok(())
+    }
+
+    /// Moves each entry of `w` into an interval. In the memory of the operator, `ones` is a vector of ones.
+    pub(crate) fn clip(&mut self, ones: At, (lower, upper): (f64, f64)) -> Result<()> {
+        if let Place::Resident(vectors, columns) = &mut self.place {
+            return column(columns, ones).map_or(Ok(()), |column| vectors.clip_by(column, (lower, upper)));
+        }
+        for value in &mut self.work {
+            *value = value.max(lower).min(upper);
+        }
+        Ok(())
+    }
+
     /// Exchanges two different vectors. In the memory of the operator, neither may be `w`.
-    pub(super) fn exchange(&mut self, a: At, b: At) {
+    pub(crate) fn exchange(&mut self, a: At, b: At) {
         debug_assert_ne!(a, b);
         if let Place::Resident(_, columns) = &mut self.place {
             if let (Some(a), Some(b)) = (slot(a), slot(b)) {
@@ -271,7 +331,7 @@ impl System {
     /// `x ← x + c v`, an iterate whose residual has this norm. Keeps it also as the best iterate if it is. Afterwards, `w` is unspecified.
     pub(super) fn accept(&mut self, (c, v): (f64, At), residual: f64) -> Result<()> {
         let sum = [(1.0, At::X), (c, v)];
-        if matches!(self.place, Place::Host(_)) {
+        if !self.is_resident() {
             self.combine(At::X, &sum, 1.0)?;
             self.note(residual);
             return Ok(());
@@ -282,9 +342,23 @@ impl System {
         self.combine(At::X, &sum, 1.0)
     }
 
+    /// Records the residual norm of the current iterate, and keeps the iterate if it is the best so far. Overwrites `w`.
+    pub(crate) fn note_within(&mut self, residual: f64) -> Result<()> {
+        if self.tally.note(residual) {
+            self.combine(At::Best, &[(1.0, At::X)], 1.0)?;
+        }
+        Ok(())
+    }
+
+    /// `‖u − v‖`. Overwrites `w`.
+    pub(crate) fn distance(&mut self, u: At, v: At) -> Result<f64> {
+        self.combine(At::Work, &[(1.0, u), (-1.0, v)], 1.0)?;
+        Ok(self.dots([])?.norm)
+    }
+
     /// `uᵀ v`. Overwrites `w` if the vectors are in the memory of the operator.
     pub(super) fn inner(&mut self, u: At, v: At) -> Result<f64> {
-        if matches!(self.place, Place::Host(_)) {
+        if !self.is_resident() {
             return Ok(dot(self.host(u), self.host(v)));
         }
         self.combine(At::Work, &[(1.0, u)], 1.0)?;
@@ -303,16 +377,15 @@ impl System {
         if self.inverse.is_identity() {
             return Ok(v);
         }
-        if let (Place::Resident(vectors, columns), Some(slot)) = (&mut self.place, slot(to)) {
-            let (inverse, spare) = (columns.len(), columns.len() + 1);
-            match column(columns, v) {
-                Some(v) => vectors.combine(None, &[(1.0, Some(v))], 1.0)?,
-                None => vectors.keep(spare)?,
+        if self.is_resident() {
+            match v {
+                At::Work => self.keep(SPARE)?,
+                v => self.combine(At::Work, &[(1.0, v)], 1.0)?,
             }
-            vectors.scale_by(inverse)?;
-            vectors.keep(columns[slot])?;
+            self.scale_by(INVERSE)?;
+            self.keep(to)?;
             if v == At::Work {
-                vectors.combine(None, &[(1.0, Some(spare))], 1.0)?;
+                self.combine(At::Work, &[(1.0, SPARE)], 1.0)?;
             }
             return Ok(to);
         }
