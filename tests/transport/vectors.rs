@@ -816,6 +816,8 @@ fn methods_with_the_transpose_find_on_the_device_what_they_find_on_the_host() {
         let found = singular(&mut watched, &of).expect("the products are taken");
         let products = found.stats.products + found.confirming;
         assert_eq!((watched.within, watched.with_host), (products, 0));
+        let read = watched.read.load(Ordering::Relaxed);
+        assert_eq!(read, found.left.len() + found.right.len(), "only the vectors of the answer come back");
         found
     };
     let device = found();

@@ -13,6 +13,8 @@
 //! would not suffice to leave out localized eigenvectors: for equal eigenvalues, Lanczos finds one mixture of the small set and all
 //! regions.
 
+use rayon::prelude::*;
+
 use super::graph::Graph;
 use super::options::Cut;
 use crate::krylov::RitzPair;
@@ -59,7 +61,7 @@ impl Embedding {
         };
         let gaps: Vec<f64> = std::iter::once(0.0).chain(pairs.iter().map(gap)).collect();
         let weight = |(pair, &gap): (&RitzPair, &f64)| weight(gap, pair.residual / unit);
-        let ranges: Vec<(f64, f64)> = vectors.iter().map(|vector| range(vector, weights)).collect();
+        let ranges: Vec<(f64, f64)> = vectors.par_iter().map(|vector| range(vector, weights)).collect();
         Self {
             weights: std::iter::once(0.0).chain(pairs.iter().zip(&gaps[1..]).map(weight)).collect(),
             within: vectors

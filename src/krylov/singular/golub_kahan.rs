@@ -9,6 +9,7 @@ use crate::krylov::completeness::Status;
 use crate::krylov::factor::{MOST, PairStatus, point_upwards, temple_kato};
 use crate::krylov::powers::finite_product;
 use crate::krylov::start::{seed_of, seeded};
+use crate::operator::vectors::accumulate;
 use crate::operator::{Adjoint, Direction, Sums, Vectors};
 
 /// One approximate singular triplet, in the coordinates of the two bases.
@@ -135,7 +136,7 @@ impl GolubKahan {
     }
 
     /// Moves the bases to the host's memory.
-    pub(super) fn download(&mut self) -> Result<()> {
+    fn download(&mut self) -> Result<()> {
         let Some(Resident { vectors, columns, .. }) = self.resident.take() else { return Ok(()) };
         for (basis, columns) in self.bases.iter_mut().zip(columns) {
             columns.iter().try_for_each(|&column| {
@@ -395,20 +396,29 @@ impl GolubKahan {
         }
     }
 
-    /// The photo and the pattern of a triplet. The entry of largest magnitude of the pattern is positive. The bases must be in the host's
-    /// memory.
-    pub(super) fn vectors(&self, triplet: &Triplet) -> [Vec<f64>; 2] {
-        let combine = |basis: &Basis, s: &[f64]| {
-            let mut sum = vec![0.0; basis.rows()];
-            basis.accumulate(basis.len() - s.len(), s, 1.0, &mut sum);
-            sum
-        };
-        let [mut photo, mut pattern] =
-            [(LEFT, &triplet.p), (RIGHT, &triplet.q)].map(|(side, s)| combine(&self.bases[side], s));
+    /// The photo and the pattern of a triplet. The entry of largest magnitude of the pattern is positive. Overwrites `w`, so that the
+    /// process takes no further step. Fails with the error of the memory of the operator.
+    pub(super) fn vectors(&mut self, triplet: &Triplet) -> Result<[Vec<f64>; 2]> {
+        let mut photo = self.combine(LEFT, &triplet.p)?;
+        let mut pattern = self.combine(RIGHT, &triplet.q)?;
         if point_upwards(&mut pattern) {
             photo.iter_mut().for_each(|value| *value = -*value);
         }
-        [photo, pattern]
+        Ok([photo, pattern])
+    }
+
+    /// The combination `s` of the last vectors of a basis.
+    fn combine(&mut self, side: usize, s: &[f64]) -> Result<Vec<f64>> {
+        let mut sum = vec![0.0; self.rows(side)];
+        let first = self.len(side) - s.len();
+        let Some(Resident { vectors, columns, .. }) = &mut self.resident else {
+            self.bases[side].accumulate(first, s, 1.0, &mut sum);
+            return Ok(sum);
+        };
+        let mut all = vec![0.0; vectors.columns()];
+        columns[side][first..].iter().zip(s).for_each(|(&column, s)| all[column] = *s);
+        accumulate(&mut **vectors, 0, &all, &mut sum)?;
+        Ok(sum)
     }
 
     /// `‖R − L‖_F / ‖R‖_F` (see `Singular::disagreement`).

@@ -130,8 +130,8 @@ fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<
             break Status::Stopped;
         }
     };
-    process.download()?;
-    let mut found = answer(&process, &triplets, options, recorder.history, status);
+    let broke_down = process.broke_down();
+    let mut found = answer(process, &triplets, options, recorder.history, status)?;
     if !is_due(&found, options) {
         return Ok(found);
     }
@@ -139,7 +139,7 @@ fn singular_of(operator: &mut dyn Adjoint, options: &SingularOptions) -> Result<
     let size = [operator.rows(), operator.cols()];
     let fits = |more: &MissedPairs<Missed>| more.missed.iter().all(|missed| missed.fits(size));
     let (is_free, claimed) = confirming(operator, question(&found, options), fits, |operator, is_free| {
-        let how = Confirm::of(options.confirm, is_free, process.broke_down(), left);
+        let how = Confirm::of(options.confirm, is_free, broke_down, left);
         how.map(|how| search_missed(operator, &mut found, options, &how)).transpose()
     })?;
     if let Some(claimed) = claimed {
@@ -168,17 +168,18 @@ impl SingularOptions {
 }
 
 fn answer(
-    process: &GolubKahan,
+    mut process: GolubKahan,
     triplets: &[Triplet],
     options: &SingularOptions,
     history: Vec<HistoryRow>,
     status: Status,
-) -> Singular {
+) -> Result<Singular> {
     let wanted = options.tolerance * triplets.first().map_or(0.0, |triplet| triplet.value);
     let each = |of: &dyn Fn(&Triplet) -> f64| -> Vec<f64> { triplets.iter().map(of).collect() };
     let vectors = triplets.iter().map(|triplet| process.vectors(triplet));
-    let (left, right) = vectors.map(|[photo, pattern]| (photo, pattern)).unzip();
-    Singular {
+    let vectors: Vec<[Vec<f64>; 2]> = vectors.collect::<Result<_>>()?;
+    let (left, right) = vectors.into_iter().map(|[photo, pattern]| (photo, pattern)).unzip();
+    Ok(Singular {
         values: each(&|triplet| triplet.value),
         left,
         right,
@@ -194,7 +195,7 @@ fn answer(
             Completeness::NotExcluded
         },
         confirming: 0,
-    }
+    })
 }
 
 /// Confirms that no singular value above `√(σ_k² + ε σ_1²)` is missed. Works like [`confirm`](crate::krylov::confirm()), for the
@@ -371,16 +372,15 @@ impl Confirmable for Confirmation<'_> {
         if missed.is_empty() {
             return Ok(());
         }
-        process.download()?;
         let mut largest = self.found.largest();
         let missed = missed.iter().map(|triplet| {
             let &Triplet { value, residual, standard_error, .. } = triplet;
             largest = largest.max(value);
             let status = triplet.status(self.options.tolerance * largest);
-            let [left, right] = process.vectors(triplet);
-            Missed { value, left, right, residual, standard_error, status }
+            let [left, right] = process.vectors(triplet)?;
+            Ok(Missed { value, left, right, residual, standard_error, status })
         });
-        let missed: Vec<Missed> = missed.collect();
+        let missed: Vec<Missed> = missed.collect::<Result<_>>()?;
         self.found.insert(&missed, self.options);
         self.missed.extend(missed);
         Ok(())
