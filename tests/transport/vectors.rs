@@ -615,7 +615,7 @@ fn a_segmentation_on_the_device_answers_a_machine_without_it() {
 fn the_photos_of_a_solver_on_the_device_answer_a_machine_without_it() {
     let b: Vec<f64> = (0..24 * 24).map(|i| 0.2 + (i as f64 * 0.37).sin().abs()).collect();
     let options = SolveOptions { products: 25, rtol: 1e-3, ..SolveOptions::default() };
-    for method in RESIDENT {
+    for method in RESIDENT.into_iter().chain(BOXED) {
         let folder = tempfile::tempdir().expect("a temporary folder can be made");
         let run = folder.path().join("run");
         let on_device = {

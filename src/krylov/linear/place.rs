@@ -330,16 +330,8 @@ impl System {
 
     /// `x ← x + c v`, an iterate whose residual has this norm. Keeps it also as the best iterate if it is. Afterwards, `w` is unspecified.
     pub(super) fn accept(&mut self, (c, v): (f64, At), residual: f64) -> Result<()> {
-        let sum = [(1.0, At::X), (c, v)];
-        if !self.is_resident() {
-            self.combine(At::X, &sum, 1.0)?;
-            self.note(residual);
-            return Ok(());
-        }
-        if self.tally.note(residual) {
-            self.combine(At::Best, &sum, 1.0)?;
-        }
-        self.combine(At::X, &sum, 1.0)
+        self.combine(At::X, &[(1.0, At::X), (c, v)], 1.0)?;
+        self.note_within(residual)
     }
 
     /// Records the residual norm of the current iterate, and keeps the iterate if it is the best so far. Overwrites `w`.
