@@ -157,7 +157,7 @@ impl System {
     }
 
     /// A vector in the host's memory. Only the method's own vectors are elsewhere if the vectors are in the memory of the operator.
-    pub(crate) fn host(&self, at: At) -> &[f64] {
+    pub(super) fn host(&self, at: At) -> &[f64] {
         match (at, &self.place) {
             (At::X, _) => &self.x,
             (At::Best, _) => &self.best,
