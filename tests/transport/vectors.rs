@@ -863,6 +863,8 @@ fn solvers_go_on_after_more_products_are_allowed_and_after_their_device_failed()
     let mut cases = vec![(Method::Gmres, 6, [6, 40], 3), (Method::Gmres, 40, [6, 40], 30)];
     cases.extend(RESIDENT[1..].iter().map(|&method| (method, 9, [3, 9], 40)));
     cases.extend(BOXED.map(|method| (method, 12, [5, 12], 40)));
+    // During the upload.
+    cases.extend(BOXED.map(|method| (method, 5, [2, 5], 15)));
     // Without a product before the failure.
     cases.extend(RESIDENT.map(|method| (method, 3, [0, 3], 15)));
     for (method, room, products, fewest) in cases {

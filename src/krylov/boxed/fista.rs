@@ -58,8 +58,7 @@ impl Fista {
     fn start(&mut self, system: &mut System) -> Result<()> {
         self.lipschitz = self.boxed.diagonal.iter().copied().fold(0.0, f64::max);
         self.t = 1.0;
-        let root: Vec<f64> = self.boxed.diagonal.iter().map(|d| d.sqrt()).collect();
-        system.set(ROOT, &root)?;
+        system.set(ROOT, self.boxed.diagonal.iter().map(|d| d.sqrt()).collect())?;
         for (to, from) in [(Y, At::X), (X_OLD, At::X), (MISFIT, At::R), (R_OLD, At::R)] {
             system.combine(to, &[(1.0, from)], 1.0)?;
         }

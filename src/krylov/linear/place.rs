@@ -178,7 +178,8 @@ impl System {
         }
     }
 
-    /// `w ← A v`, for a vector `v` of about this length. Returns the inner products with `w`.
+    /// `w ← A v`, for a vector `v` of about this length, which counts only until the size of the operator is known. Returns the inner
+    /// products with `w`.
     pub(crate) fn multiply<const K: usize>(
         &mut self,
         operator: &mut dyn Adjoint,
@@ -188,7 +189,7 @@ impl System {
         self.multiply_in(Direction::Forward, operator, of, with)
     }
 
-    /// `w ← Aᵀ u`, for a vector `u` of length 1.
+    /// `w ← Aᵀ u`, for a vector `u` of about length 1, unless the size of the operator is known.
     pub(crate) fn multiply_adjoint(&mut self, operator: &mut dyn Adjoint, u: At) -> Result<()> {
         self.multiply_in(Direction::Adjoint, operator, (u, 1.0), []).map(drop)
     }
@@ -224,7 +225,7 @@ impl System {
     /// The inner products with `w`.
     pub(crate) fn dots<const K: usize>(&mut self, with: [At; K]) -> Result<Dots<K>> {
         if let Place::Resident(vectors, columns) = &mut self.place {
-            let first = if K == 0 { columns.len() } else { 0 };
+            let first = if K == 0 { vectors.columns() } else { 0 };
             return Ok(picked(columns, &vectors.dots_and_norm(first)?, with));
         }
         let w = &self.work;
@@ -284,10 +285,10 @@ impl System {
     }
 
     /// `v ← x`, for numbers of the host. Overwrites `w`.
-    pub(crate) fn set(&mut self, v: At, x: &[f64]) -> Result<()> {
+    pub(crate) fn set(&mut self, v: At, x: Vec<f64>) -> Result<()> {
         match &mut self.place {
-            Place::Resident(vectors, _) => vectors.load(x)?,
-            Place::Host(_) => self.work = x.to_vec(),
+            Place::Resident(vectors, _) => vectors.load(&x)?,
+            Place::Host(_) => self.work = x,
         }
         self.keep(v)
     }
@@ -303,14 +304,14 @@ impl System {
         Ok(())
     }
 
-    /// Moves each entry of `w` into an interval. In the memory of the operator, `ones` is a vector of ones.
+    /// Moves each entry of `w`, which is as long as `x`, into an interval. In the memory of the operator, `ones` is a vector of ones.
     pub(crate) fn clip(&mut self, ones: At, (lower, upper): (f64, f64)) -> Result<()> {
         if let Place::Resident(vectors, columns) = &mut self.place {
             return column(columns, ones).map_or(Ok(()), |column| vectors.clip_by(column, (lower, upper)));
         }
-        for value in &mut self.work {
-            *value = value.max(lower).min(upper);
-        }
+        let mut w = std::mem::take(&mut self.work);
+        update(&mut w, &self.x, |w, _| w.max(lower).min(upper));
+        self.work = w;
         Ok(())
     }
 
